@@ -1,8 +1,11 @@
-"""Measures of the source, each of which may only get better. The text of docstrings is not counted.
+"""Measures of the source, which are compared with those of an earlier commit by the same tool.
 
-    python -m tests.measures
+    python -m tests.measures [BASE]
 
-prints them; `tests/test_layout.py` compares them with the last ones.
+prints each measure at the base and in the working tree. `base_commit` chooses the base. No value is stored,
+and therefore none can be raised: `tests/test_layout.py` lets no measure of the structure get worse, and a
+size grows only by what the messages of the commits since the base state, in a line such as
+`Cost: 120 code lines`.
 """
 
 from __future__ import annotations
@@ -10,16 +13,29 @@ from __future__ import annotations
 import ast
 import io
 import re
+import subprocess
+import sys
+import tarfile
 import tokenize
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from functools import cache
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).parents[1] / "tpd"
+TOP = ROOT.parent
 FILES = sorted(ROOT.rglob("*.py"))
+ALL_LINES = (".mjs", ".html", ".j2", ".toml", ".pyi")
+"""Files of which every line is code."""
 PRAGMA = re.compile(r"#\s*(noqa|type:|pyright:|fmt:|pragma)")
 BY_STRING = re.compile(r"(tpd\.)?[a-z_]+(\.[a-z_]+)*:[a-z_]+")
+INTERNAL = re.compile(r"(numba\.(core|np|_\w+)|jax\._src|jaxlib|matplotlib\._\w+)(\.|$)")
+"""Modules of other libraries that their documentation does not offer to users."""
+PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
+"""Names with an underscore that Python documents, of named tuples and enumerations."""
+SIZES = ("code lines", "characters of code", "lines of tests", "lines of benchmarks", "modules")
+"""Measures that grow with what the package can do. All others concern the structure."""
 COMMENTS = "comments per 100 code lines"
 """Name of the only measure of which more is better."""
 
@@ -32,34 +48,20 @@ def tree(path: Path) -> ast.Module:
 
 def name_of(path: Path) -> str:
     """Dotted name of a module; a package's is that of its folder."""
-    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    parts = path.relative_to(TOP).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 MODULES = {name_of(path): path for path in FILES}
 
 
-def imports(path: Path, *, everywhere: bool) -> set[str]:
-    """Modules of the package that a module imports when it is loaded; with `everywhere` also within functions
-    and for type checkers only."""
-    found: set[str] = set()
-
-    def walk(nodes: list[ast.stmt]) -> None:
-        for node in nodes:
-            if isinstance(node, ast.Import):
-                found.update(alias.name for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                inner = {f"{node.module}.{alias.name}" for alias in node.names}
-                found.update(inner & MODULES.keys() or {node.module})
-            elif isinstance(node, ast.If) and (everywhere or "TYPE_CHECKING" not in ast.unparse(node.test)):
-                walk([*node.body, *node.orelse])
-            elif isinstance(node, ast.Try):
-                walk([*node.body, *(s for handler in node.handlers for s in handler.body)])
-            elif everywhere and isinstance(node, ast.FunctionDef | ast.ClassDef | ast.With | ast.For):
-                walk(node.body)
-
-    walk(tree(path).body)
-    return found & (MODULES.keys() - {name_of(path), "tpd"})
+def imports(parsed: ast.Module) -> Iterator[str]:
+    """Names of modules and of what is imported from them, also within functions and for type checkers."""
+    for node in ast.walk(parsed):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 def longest_chain(graph: dict[str, set[str]]) -> int:
@@ -80,32 +82,6 @@ def longest_chain(graph: dict[str, set[str]]) -> int:
     return max(length(node, ()) for node in graph)
 
 
-def everywhere() -> dict[str, set[str]]:
-    """Imports of every module but the package's own list of names."""
-    return {name: imports(path, everywhere=True) for name, path in MODULES.items() if name != "tpd"}
-
-
-def loaded_by_name() -> dict[str, set[str]]:
-    """Modules that each module names in a string: compiled code is loaded so, also in other processes."""
-    strings = {
-        name: {
-            n.value for n in ast.walk(tree(path)) if isinstance(n, ast.Constant) and isinstance(n.value, str)
-        }
-        for name, path in MODULES.items()
-    }
-    return {name: found & (MODULES.keys() - {name, "tpd"}) for name, found in strings.items()}
-
-
-def reached(graph: dict[str, set[str]], start: str) -> set[str]:
-    """Modules that one imports, and what these import."""
-    found, todo = {start}, [start]
-    while todo:
-        new = graph[todo.pop()] - found
-        found |= new
-        todo.extend(new)
-    return found
-
-
 def docstrings(parsed: ast.Module) -> Iterator[ast.Constant]:
     """Docstrings of modules, classes, functions and attributes."""
     for node in ast.walk(parsed):
@@ -114,15 +90,16 @@ def docstrings(parsed: ast.Module) -> Iterator[ast.Constant]:
             yield value
 
 
-def code_lines(text: str) -> int:
-    """Count the lines that are not blank and hold no comment alone, no docstring and no import."""
+def code_of(text: str) -> list[str]:
+    """Return the lines that are not blank and hold no comment alone, no docstring and no import, without
+    indentation."""
     parsed = ast.parse(text)
-    imports = (node for node in ast.walk(parsed) if isinstance(node, ast.Import | ast.ImportFrom))
+    no_code = (node for node in ast.walk(parsed) if isinstance(node, ast.Import | ast.ImportFrom))
     left_out: set[int] = set()
-    for node in (*docstrings(parsed), *imports):
+    for node in (*docstrings(parsed), *no_code):
         left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     lines = enumerate(map(str.strip, text.splitlines()), 1)
-    return sum(bool(line) and not line.startswith("#") and i not in left_out for i, line in lines)
+    return [line for i, line in lines if line and not line.startswith("#") and i not in left_out]
 
 
 def comment_lines(text: str) -> int:
@@ -131,81 +108,274 @@ def comment_lines(text: str) -> int:
     return sum(t.type == tokenize.COMMENT and not PRAGMA.match(t.string) for t in tokens)
 
 
-def total(count: Callable[[str], int], paths: Iterable[Path] = FILES) -> int:
-    """Add up what a function counts in the text of each file."""
-    return sum(count(path.read_text(encoding="utf-8")) for path in paths)
-
-
-def imports_by_string(text: str) -> int:
+def imports_by_string(parsed: ast.Module) -> int:
     """Count the strings such as "report.answer:answer", which name a module and something in it."""
-    nodes = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant))
+    nodes = (node for node in ast.walk(parsed) if isinstance(node, ast.Constant))
     return sum(isinstance(node.value, str) and bool(BY_STRING.fullmatch(node.value)) for node in nodes)
 
 
-def functions() -> Iterator[tuple[Path, ast.FunctionDef]]:
-    """Every function and the file that it stands in."""
-    for path in FILES:
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.FunctionDef):
-                yield path, node
-
-
-def arguments(node: ast.FunctionDef) -> int:
-    """Arguments that are handed over one by one; keyword-only ones, which have names at the call, do not
+def many_arguments(parsed: ast.Module) -> int:
+    """Count the functions of ten or more arguments. Keyword-only arguments have names at the call and do not
     count."""
-    return len(node.args.posonlyargs) + len(node.args.args)
+    nodes = (node for node in ast.walk(parsed) if isinstance(node, ast.FunctionDef))
+    return sum(len(node.args.posonlyargs) + len(node.args.args) >= 10 for node in nodes)
 
 
-def called_once() -> list[str]:
+def called_once(text: str) -> list[str]:
     """Private functions of eight lines or fewer that their module uses once."""
-    used = {path: Counter(re.findall(r"\w+", path.read_text(encoding="utf-8"))) for path in FILES}
+    used = Counter(re.findall(r"\w+", text))
     return [
-        f"{name_of(path)}.{node.name}"
-        for path, node in functions()
-        if node.name.startswith("_")
-        and not node.name.startswith("__")
-        and used[path][node.name] == 2
+        node.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef)
+        and re.match("_(?!_)", node.name)
+        and used[node.name] == 2
         and (node.end_lineno or 0) - node.lineno < 8
     ]
 
 
-def numbered_columns() -> int:
-    """Whole numbers within subscripts of compiled code."""
+def numbered_columns(parsed: ast.Module, *, alone: bool = False) -> int:
+    """Count the whole numbers in subscripts of several axes, such as `x[:, 2]`; with `alone` also `x[2]`."""
     found = 0
-    for path in FILES:
-        if path.relative_to(ROOT).parts[0] not in ("compiled", "models"):
-            continue
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.Subscript):
-                parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-                found += any(isinstance(p, ast.Constant) and isinstance(p.value, int) for p in parts)
+    for node in ast.walk(parsed):
+        if isinstance(node, ast.Subscript) and (alone or isinstance(node.slice, ast.Tuple)):
+            parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            found += any(isinstance(p, ast.Constant) and type(p.value) is int for p in parts)
     return found
 
 
-def measured() -> dict[str, float]:
-    """All measures by name: less is better, except for `COMMENTS`."""
-    graph = everywhere()
-    by_name = loaded_by_name()
-    job = reached({name: found | by_name[name] for name, found in graph.items()}, "tpd.cli.optimise")
-    code = total(code_lines)
-    return {
-        "code lines": code,
-        "modules": len(FILES),
-        "modules that the main job may import": len(job),
-        "code lines of these": total(code_lines, (MODULES[name] for name in job)),
-        "floors, all imports counted": longest_chain(graph),
-        "functions of ten or more arguments": sum(arguments(node) >= 10 for _, node in functions()),
-        "functions of eight lines or fewer, called once": len(called_once()),
-        "columns by number in compiled code": numbered_columns(),
-        "imports by string": total(imports_by_string),
-        COMMENTS: round(100 * total(comment_lines) / code, 2),
-    }
+def is_private(name: str) -> bool:
+    """Return whether a name has one leading underscore."""
+    return bool(re.match("_(?!_)", name)) and name != "_"
+
+
+def own_names(parsed: ast.Module) -> set[str]:
+    """Names that a module defines, also attributes of `self`."""
+    names: set[str] = set()
+    for node in ast.walk(parsed):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.Name(id=name, ctx=ast.Store()):
+                names.add(name)
+            case ast.Attribute(value=ast.Name(id="self"), attr=name, ctx=ast.Store()):
+                names.add(name)
+    return names
+
+
+def foreign_names(parsed: ast.Module, own: set[str]) -> list[str]:
+    """Private names of other libraries that stand outside a `try` with a fallback.
+
+    Args:
+        parsed: the module.
+        own: names that the package defines itself.
+    """
+    protected: set[int] = set()
+    for node in ast.walk(parsed):
+        errors = {
+            name
+            for h in getattr(node, "handlers", ())
+            if h.type
+            for name in re.findall(r"\w+", ast.unparse(h.type))
+        }
+        if isinstance(node, ast.Try) and errors & {"ImportError", "AttributeError", "Exception"}:
+            protected |= {id(inner) for part in node.body for inner in ast.walk(part)}
+    found = []
+    for node in ast.walk(parsed):
+        if id(node) in protected:
+            continue
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            one = ast.Module([node], [])
+            found += [
+                name
+                for name in imports(one)
+                if not name.startswith("tpd")
+                and (INTERNAL.match(name) or any(map(is_private, name.split("."))))
+            ]
+        elif isinstance(node, ast.Attribute) and is_private(node.attr) and node.attr not in own | PUBLIC:
+            found.append(ast.unparse(node))
+    return found
+
+
+KIND = re.compile(
+    r"(Harmonic|GroundMotion|Records|Pulse)(Problem|Job)?|(Harmonic|GroundMotion|Pulse)Excitation"
+)
+KIND_NAMES = {"harmonic", "pulse", "records"}
+
+
+def kind_questions(parsed: ast.Module) -> int:
+    """Count the questions about the kind of a problem: comparisons with its name or with its class."""
+    found = 0
+    for node in ast.walk(parsed):
+        if isinstance(node, ast.Compare):
+            parts = (node.left, *node.comparators)
+            found += any(isinstance(p, ast.Constant) and p.value in KIND_NAMES for p in parts)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance":
+            found += bool(KIND.fullmatch(ast.unparse(node.args[1]).rpartition(".")[2]))
+    return found
+
+
+@dataclass(frozen=True)
+class Source:
+    """Files of a version of the project, as text by their path from its root."""
+
+    texts: dict[str, str]
+
+    @classmethod
+    def here(cls) -> Source:
+        """Read the working tree."""
+        paths = (p for folder in ("tpd", "tests") for p in sorted((TOP / folder).rglob("*")))
+        return cls(
+            {p.relative_to(TOP).as_posix(): p.read_text(encoding="utf-8") for p in paths if is_source(p.name)}
+        )
+
+    @classmethod
+    def of_commit(cls, commit: str) -> Source:
+        """Read a commit of the history."""
+        packed = subprocess.run(
+            ["git", "archive", commit, "tpd", "tests"], cwd=TOP, capture_output=True, check=True
+        ).stdout
+        with tarfile.open(fileobj=io.BytesIO(packed)) as files:
+            members = ((m.name, files.extractfile(m)) for m in files if is_source(m.name))
+            return cls({name: f.read().decode() for name, f in members if f is not None})
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Texts of the modules of the package by their dotted names."""
+        paths = {
+            p: PurePosixPath(p).with_suffix("").parts
+            for p in self.texts
+            if p.startswith("tpd/") and p.endswith(".py")
+        }
+        return {".".join(p[:-1] if p[-1] == "__init__" else p): self.texts[path] for path, p in paths.items()}
+
+    @cached_property
+    def trees(self) -> dict[str, ast.Module]:
+        """Syntax trees of the modules of the package."""
+        return {name: ast.parse(text) for name, text in self.code.items()}
+
+    def imports_of(self, name: str) -> set[str]:
+        """Modules of the package that a module imports anywhere."""
+        named = set(imports(self.trees[name]))
+        named |= {other.rpartition(".")[0] for other in named - self.code.keys()}
+        return named & (self.code.keys() - {name, "tpd"})
+
+    @property
+    def graph(self) -> dict[str, set[str]]:
+        """Imports of every module except the list of names of the package."""
+        return {name: self.imports_of(name) for name in self.code.keys() - {"tpd"}}
+
+    def lines(self, *, benchmarks: bool) -> int:
+        """Count the lines of the tests, or of the benchmarks."""
+        is_benchmark = re.compile(
+            "tests/benchmarks/.*(py|mjs)$" if benchmarks else "tests/(?!benchmarks/).*(py|mjs)$"
+        )
+        return sum(text.count("\n") for path, text in self.texts.items() if is_benchmark.match(path))
+
+    def measures(self) -> dict[str, float]:
+        """Return all measures by name: less is better, except for `COMMENTS`."""
+        code = [line for text in self.code.values() for line in code_of(text)]
+        whole = [
+            text for path, text in self.texts.items() if path.startswith("tpd/") and path.endswith(ALL_LINES)
+        ]
+        characters = [*code, *(line.strip() for text in whole for line in text.splitlines())]
+
+        def total(count: Callable[[ast.Module], int]) -> int:
+            return sum(map(count, self.trees.values()))
+
+        own = set[str]().union(*map(own_names, self.trees.values()))
+        return {
+            "code lines": len(code),
+            "characters of code": sum(map(len, characters)),
+            "lines of tests": self.lines(benchmarks=False),
+            "lines of benchmarks": self.lines(benchmarks=True),
+            "modules": len(self.code),
+            "floors, all imports counted": longest_chain(self.graph),
+            "functions of ten or more arguments": total(many_arguments),
+            "functions of eight lines or fewer, called once": sum(
+                len(called_once(t)) for t in self.code.values()
+            ),
+            "columns by number": total(numbered_columns),
+            "columns by number in compiled code": sum(
+                numbered_columns(parsed, alone=True)
+                for name, parsed in self.trees.items()
+                if re.match(r"tpd\.(exact|compiled|models)\.", name)
+            ),
+            "imports by string": total(imports_by_string),
+            "private names of other libraries": total(lambda parsed: len(foreign_names(parsed, own))),
+            "questions about the kind of problem": total(kind_questions),
+            COMMENTS: round(100 * sum(map(comment_lines, self.code.values())) / len(code), 2),
+        }
+
+
+def is_source(name: str) -> bool:
+    """Return whether a file counts, by its name."""
+    return name.endswith((".py", *ALL_LINES))
+
+
+def git(*words: str) -> str:
+    """Return what git prints, or nothing if it fails."""
+    try:
+        done = subprocess.run(["git", *words], cwd=TOP, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def base_commit() -> str:
+    """Return the commit with which the working tree is compared, or nothing without a history.
+
+    On a branch the base is the commit where it left the main branch of the remote. On the main branch itself,
+    and without a remote, it is the last commit before the day of HEAD. A clone of the main branch therefore
+    compares what one day has changed, whenever it does so.
+    """
+    fork = git("merge-base", "HEAD", "origin/HEAD") or git("merge-base", "HEAD", "origin/main")
+    if fork and fork != git("rev-parse", "HEAD"):
+        return fork
+    day, _, _ = git("log", "-1", "--format=%cI").partition("T")
+    for line in git("log", "--format=%H %ct %cI").splitlines():
+        commit, _, date = line.split()
+        if date[:10] < day:
+            return commit
+    return ""
+
+
+def stated_costs(messages: str) -> Counter[str]:
+    """Return by how much the messages of commits let each size grow.
+
+    Raises:
+        ValueError: a line `Cost:` is not a list such as "120 code lines, 1 modules".
+    """
+    costs: Counter[str] = Counter()
+    for line in re.findall(r"^Cost: *(.*)$", messages, re.M):
+        for part in line.split(","):
+            number, _, size = part.strip().partition(" ")
+            if not number.isdigit() or size not in SIZES:
+                raise ValueError(f"`Cost: {line}` must be a list of numbers of {', '.join(SIZES)}")
+            costs[size] += int(number)
+    return costs
+
+
+def worse(before: dict[str, float], now: dict[str, float], costs: Counter[str]) -> list[str]:
+    """Return a sentence for each measure that is worse than before by more than the stated costs."""
+    return [
+        f"{name}: {now[name]:g}, {last:g} before" + (f", and {costs[name]} stated" if costs[name] else "")
+        for name, last in before.items()
+        if (now[name] < last if name == COMMENTS else now[name] > last + costs[name])
+    ]
 
 
 def main() -> None:
     """Print all measures."""
-    for name, value in measured().items():
-        print(f"{value:8g}  {name}")
+    base = sys.argv[1] if len(sys.argv) > 1 else base_commit()
+    now = Source.here().measures()
+    before = Source.of_commit(base).measures() if base else {}
+    lines = [f"{base[:8] or 'no base':>9} {'now':>9}"]
+    lines += [f"{before.get(name, float('nan')):9g} {value:9g}  {name}" for name, value in now.items()]
+    growth = {name: now[name] - before[name] for name in SIZES if before}
+    if cost := ", ".join(f"{change:g} {name}" for name, change in growth.items() if change > 0):
+        lines.append(
+            f"A commit that adds a feature states what it adds. All since the base is:\nCost: {cost}"
+        )
+    print("\n".join(lines))
 
 
 if __name__ == "__main__":
