@@ -167,8 +167,8 @@ def records(count: int = 20) -> tuple[tpd.Record, ...]:
 
 GROUND = {
     "conditions": Conditions.records(records(60), (1.5, 2.5, 4.0)),
-    "requirements": tpd.limits.Requirements(at_least=0.02, measure="tilt"),
-    "method": tpd.GroundSearch(starts=6, steps=3),
+    "requirements": tpd.limits.Requirements(at_least=0.02, reduce="tilt"),
+    "method": tpd.GroundSearch(designs=6, steps=3),
     "limits": (tpd.limits.Stroke(),),
 }
 
@@ -182,7 +182,7 @@ def harmonic_design(seed: int = 0) -> Design:
 @functools.cache
 def rejected_design() -> Design:
     """The same problem, but a benefit is required that no pendulum has."""
-    requirements = tpd.limits.Requirements(at_least=0.97, measure="tilt")
+    requirements = tpd.limits.Requirements(at_least=0.97, reduce="tilt")
     return tpd.optimise(SCENE, SPACE, **(SMALL | {"requirements": requirements}))
 
 

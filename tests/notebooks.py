@@ -43,7 +43,7 @@ def make_small() -> None:
     @wraps(at_full)
     def optimise(*args, method=None, ensemble=None, conditions=None, **others):
         if conditions is not None and conditions.motions:
-            method = replace(method or tpd.GroundSearch(), starts=8, steps=2)
+            method = replace(method or tpd.GroundSearch(), designs=8, steps=2)
         else:
             # The smoothed descent compiles for half a minute: it has its own tests.
             small = {"model": tpd.Piecewise(), "searches": 4, "screening": 64, "steps": 4, "finish": 1}

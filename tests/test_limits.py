@@ -183,9 +183,9 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
     requirements = Requirements()
     assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
     assert (requirements.allowed, requirements.broken) == (0.01, 0.1)
-    assert (requirements.measure, Requirements(measure="tilt").measure) == (None, "tilt")
-    with pytest.raises(ValueError, match="`measure` must be one of overturning, tilt, but is 'tild'"):
-        Requirements(measure="tild")
+    assert (requirements.reduce, Requirements(reduce="tilt").reduce) == (None, "tilt")
+    with pytest.raises(ValueError, match="`reduce` must be one of overturning, tilt, but is 'tild'"):
+        Requirements(reduce="tild")
     assert Requirements(wall_contacts=0.3).allowed == Requirements(wall_contacts=0.3).broken == 0.3
     for name in ("at_least", "worse", "wall_contacts"):
         for value in (0.0, 1.0):

@@ -75,7 +75,7 @@ class Requirements:
     at_least: checks.Real = 0.1
     """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
     %."""
-    measure: str | None = None
+    reduce: str | None = None
     """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
     which a run that overturns counts as 1. Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
@@ -90,8 +90,8 @@ class Requirements:
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
-        if self.measure is not None:
-            checks.one_of("measure", self.measure, MEASURES)
+        if self.reduce is not None:
+            checks.one_of("reduce", self.reduce, MEASURES)
 
     @property
     def allowed(self) -> float:

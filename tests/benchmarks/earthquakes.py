@@ -31,7 +31,7 @@ def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None
     """Return the design for a block, with a smaller tilt required: the earthquakes are few."""
     far = tpd.records.fema_p695("far-field")
     conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
-    more = {"requirements": tpd.limits.Requirements(measure="tilt")} | (
+    more = {"requirements": tpd.limits.Requirements(reduce="tilt")} | (
         {} if method is None else {"method": method}
     )
     return tpd.optimise(block, space, conditions=conditions, seed=SEED, **more)
@@ -40,7 +40,7 @@ def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None
 def run(quick: bool) -> list[dict[str, Any]]:
     """Return a row for each block; the last one is the column of the README."""
     rows = []
-    method = tpd.GroundSearch(starts=4, steps=2) if quick else tpd.GroundSearch(starts=16, steps=8)
+    method = tpd.GroundSearch(designs=4, steps=2) if quick else tpd.GroundSearch(designs=16, steps=8)
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 1.0))
     blocks = [(h, nu, masonry(h, nu)) for h in HEIGHTS for nu in SLENDERNESS][: 1 if quick else None]
     for height, nu, block in [*blocks, (None, None, tpd.Block(**COLUMN))]:

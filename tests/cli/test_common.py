@@ -101,8 +101,8 @@ optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
 optimise --cavity 0.2 | [block] `cavity_width` must be less than the width of the block, 0.1 m, becaus
 optimise --cavity 0.1 | [block] `cavity_width` must be less than the width of the block, 0.1 m, because
 optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no s
-optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
-optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
+optimise --designs 8 | `search.designs` requires a pulse or records, which this job does not have
+optimise --risk median | `search.risk` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
@@ -116,7 +116,7 @@ optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle 
 optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (it is a moment over
 optimise --amplitude 0 | [excitation] `amplitude` must be above 0 in a search, but is 0: the base does not
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
-optimise --exactly --measure cvar | `risk.measure` requires several conditions, [conditions] or [scatter], whi
+optimise --exactly --risk cvar | `search.risk` requires several conditions, [conditions] or [scatter], whi
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary by a share of itsel
 optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number below
 job block.widht = 1.0 | there is no key `widht` in [block]; did you mean `width`?
@@ -131,8 +131,8 @@ job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
 job conditions.amplitudes = [] | [conditions] `amplitudes` must contain at least one number, but is em
-job risk.share = 0.2 | `risk.share` requires `risk.measure` cvar, which this job does not have
-job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
+job search.risk_share = 0.2 | `search.risk_share` requires `search.risk` cvar, which this job does not have
+job search.risk = 'cvar'; search.risk_share = 0 | [search] `risk_share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
@@ -243,10 +243,14 @@ job requirements.strikes = 0.2 | there is no key `strikes` in [requirements]; it
 job excitation.held_out = 0.5 | there is no key `held_out` in [excitation]; it is now called `validation_s
 job limits.room = true | there is no key `room` in [limits]; it is now called `clearance`
 job space.stroke = 0.4 | there is no key `stroke` in [space]; it is now called `limits.stroke`
-job conditions.measure = 'cvar' | there is no key `measure` in [conditions]; it is now called `risk.measure`
+job conditions.measure = 'cvar' | there is no key `measure` in [conditions]; it is now called `search.risk`
 job conditions.from_rest = true | there is no key `from_rest` in [conditions]; it is now called `starts.kind`
 optimise --held-out 0.5 | unrecognized arguments: --held-out; it is now called `--validation-share`
-optimise --demand cvar | unrecognized arguments: --demand; it is now called `--measure`
+optimise --demand cvar | unrecognized arguments: --demand; it is now called `--risk`
+optimise --measure cvar | unrecognized arguments: --measure; it is now called `--risk`
+optimise --allowed 0.1 | unrecognized arguments: --allowed; it is now called `--wall-contacts`
+job risk.measure = 'cvar' | there is no table [risk]; it is now called `search.risk`
+job requirements.measure = 'tilt' | there is no key `measure` in [requirements]; it is now called `reduce`
 export --as mjcf --file a.xml | unrecognized arguments: --file; it is now called `--out`
 optimise --width 0.4 --height 0.1 --mass 16 SHAKEN | but is 4 of it: are width and height exchanged?
 """

@@ -32,8 +32,8 @@ bob.shape='cylinder'; block.cavity_width=0.08
 --bob cylinder --cavity 0.08
 conditions.exactly=true
 --exactly
-requirements={at_least=0.2, wall_contacts=0.05, measure='tilt'}
---at-least 0.2 --allowed 0.05 --reduce tilt
+requirements={at_least=0.2, wall_contacts=0.05, reduce='tilt'}
+--at-least 0.2 --wall-contacts 0.05 --reduce tilt
 search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1
 search={optimiser='rmsprop'}; conditions.band=[2, 3]
@@ -50,12 +50,14 @@ excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.
 --records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
 excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
 --records a.txt --scales 1 --columns time=1 N=2 --skip 3 --scale 10
-conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; risk.measure='cvar'
---band 2.3 2.7 --amplitudes 0.8 1 1.2 --measure cvar
+conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; search.risk='cvar'
+--band 2.3 2.7 --amplitudes 0.8 1 1.2 --risk cvar
 scatter={friction=0.2, length=0.02}
 --scatter friction=0.2 length=0.02
 conditions.amplitudes=[1.2]
 --amplitudes 1.2
+excitation={pulse='ricker', pulse_frequency=1, pga=0.4}; search.designs=8
+--pulse ricker --pulse-frequency 1 --pga 0.4 --designs 8
 starts.kind='rest'; conditions.band=[2, 3]
 --from-rest --band 2 3
 """
@@ -85,10 +87,10 @@ def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
     tables = {
         "block": block,
         "excitation": {"amplitude": 0.02, "frequency": 2.0},
-        "risk": {"measure": "cvar"},
+        "search": {"risk": "cvar"},
     }
     (tmp_path / "job.toml").write_text(jobs.job_of({**tables, "conditions": {"amplitudes": [1, 1.1]}}).toml)
-    job = job_of("--scene job.toml --width 0.12 --measure worst --seed 2")
+    job = job_of("--scene job.toml --width 0.12 --risk worst --seed 2")
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 
 

@@ -196,7 +196,7 @@ def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):
         problem(**given)
 
 
-@pytest.mark.parametrize("name", ["starts", "steps"])
+@pytest.mark.parametrize("name", ["designs", "steps"])
 def test_counts_of_trials_are_checked(name):
     with pytest.raises(ValueError, match=f"`{name}` must be a whole number"):
         tpd.GroundSearch(**{name: -1})
@@ -210,7 +210,7 @@ COLUMN = tpd.Block(width=0.9, height=6.0, mass=2500.0, restitution=0.93, cavity_
 @pytest.mark.parametrize(("count", "scales"), [(6, (1.5, 2.5)), (12, (2.0,))])
 def test_few_records_keep_the_clearance(count, scales):
     conditions = tpd.Conditions.records([noise(i) for i in range(count)], scales)
-    found = tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(starts=16, steps=8))
+    found = tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(designs=16, steps=8))
     assert 0 < found.trials.feasible.sum() < len(found.trials.feasible)
     assert np.all(found.trials.sizes[found.trials.feasible] < 1.05)
     assert [v.over_limit for v in found.validated] == [0.0]
@@ -240,7 +240,7 @@ def test_the_order_of_the_records_changes_nothing(names):
             share = share if listed is motions else dict(reversed(share.items()))
             listed = [m for m in listed if m not in motions[:4]]
         conditions = tpd.Conditions.records(listed, scales)
-        method = tpd.GroundSearch(starts=5, steps=2)
+        method = tpd.GroundSearch(designs=5, steps=2)
         given = {"conditions": conditions, "method": method, "validation_share": share, "limits": ()}
         found.append(tpd.optimise(BLOCK, **given))
     first, second = found

@@ -42,8 +42,7 @@ JOBS = {
     "robust": {
         "conditions": {"band": [2.0, 3.5], "amplitudes": [0.8, 1.0, 1.2], "samples": 16},
         "scatter": {"friction": 0.2, "length": 0.02},
-        "risk": {"measure": "cvar", "share": 0.2},
-        "search": {"seed": 3},
+        "search": {"seed": 3, "risk": "cvar", "risk_share": 0.2},
     },
     "starts": {**BAND, "starts": {"kind": "rest"}},
     "descent": {**BAND, "search": {"optimiser": "rmsprop", "tolerance": 0.05}},
@@ -57,7 +56,7 @@ JOBS = {
     },
     "limits": {"limits": {"clearance": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
     "requirements": {
-        "requirements": {"at_least": 0.2, "measure": "tilt", "worse": 0.0, "wall_contacts": 0.05}
+        "requirements": {"at_least": 0.2, "reduce": "tilt", "worse": 0.0, "wall_contacts": 0.05}
     },
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
     "held out": {"excitation": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
@@ -70,7 +69,7 @@ JOBS = {
             "phase": 0.5,
             "pga": 1,
         },
-        "search": {"steps": 3, "starts": 5},
+        "search": {"steps": 3, "designs": 5},
     },
     "sizes": {
         "excitation": {
@@ -142,7 +141,10 @@ def test_tables_become_objects():
 
 
 def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is_meant():
-    listed = {"conditions": {"frequencies": 20, "samples": 64}, "risk": {"measure": "worst", "share": 0.1}}
+    listed = {
+        "conditions": {"frequencies": 20, "samples": 64},
+        "search": {"risk": "worst", "risk_share": 0.1},
+    }
     assert jobs.job_of(listed) == jobs.job_of({})
     motion = {"amplitude": 1, "frequency": 1}
     whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "excitation": motion})
@@ -152,19 +154,24 @@ def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is
 
 def test_keys_without_effect_are_not_written():
     tables = jobs.job_of(EXACTLY).tables
-    assert not {"scatter", "risk"} & set(tables)
+    assert "scatter" not in tables
+    assert not {"risk", "risk_share"} & set(tables["search"])
     assert set(tables["conditions"]) == {"exactly"}
     assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert tables["excitation"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
-    assert set(jobs.job_of(BAND).tables["risk"]) == {"measure"}
+    assert {"risk", "risk_share"} & set(jobs.job_of(BAND).tables["search"]) == {"risk"}
     assert tables["search"]["optimiser"] == "adam"
 
 
 @pytest.mark.parametrize(
     ("given", "over", "dropped"),
     [
-        ({"risk": {"measure": "cvar", "share": 0.2}, **BAND}, {"risk": {"measure": "worst"}}, "risk.share"),
+        (
+            {"search": {"risk": "cvar", "risk_share": 0.2}, **BAND},
+            {"search": {"risk": "worst"}},
+            "search.risk_share",
+        ),
         (EXACTLY, BAND, "conditions.exactly"),
     ],
 )
@@ -176,8 +183,10 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
     # The completion that a merge needs is the one that the job has.
     assert jobs.job_of(merged, full).full == jobs.job_of(merged).full
     # What is pointless in the file itself stays an error.
-    with pytest.raises(ValueError, match=r"^`risk.share` requires `risk.measure` cvar, which this job does"):
-        jobs.job_of(*jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
+    with pytest.raises(
+        ValueError, match=r"^`search.risk_share` requires `search.risk` cvar, which this job does"
+    ):
+        jobs.job_of(*jobs.merged({"search": {"risk_share": 0.2}}, {"search": {"seed": 1}}))
 
 
 @pytest.mark.mends('`intensity = "pga"` counted m/s^2, and `pga` g')

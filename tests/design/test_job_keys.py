@@ -81,6 +81,6 @@ def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
 
 @pytest.mark.mends("nothing said that the risk measure steers only the descents")
 def test_the_help_of_the_risk_measure_says_which_stages_use_it():
-    says = TABLES["risk"]["measure"].says
+    says = TABLES["search"]["risk"].says
     assert "only the descents use it, and later stages compare mean tilts" in says
     assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())

@@ -219,7 +219,7 @@ def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_sa
 
 def test_a_design_on_built_in_records_is_of_too_few_earthquakes():
     motions = [el_centro(), loma_prieta()]
-    asked = {"method": tpd.GroundSearch(starts=6, steps=2), "limits": (tpd.limits.Stroke(),)}
+    asked = {"method": tpd.GroundSearch(designs=6, steps=2), "limits": (tpd.limits.Stroke(),)}
     found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
     assert found.problem.evidence is DesignStatus.too_few
     assert found.pendulum is None
@@ -358,7 +358,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert found.at_bounds == ["lower search bound of the damping ratio, 0.05"]
     point = tpd.front(found, (0.19,))[0].pendulum
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
-    ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, measure="tilt")}
+    ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, reduce="tilt")}
     other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
     best = other.best.pendulum
     assert (best.length, best.damping_ratio) == (pytest.approx(1.0), 0.3)

@@ -100,7 +100,7 @@ CASES = {
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
     "requirements": {
-        "requirements": limits.Requirements(at_least=0.2, measure="tilt", wall_contacts=0.05),
+        "requirements": limits.Requirements(at_least=0.2, reduce="tilt", wall_contacts=0.05),
         "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
     },
 }

@@ -13,7 +13,7 @@ from tpd.design.validate import run_seed, validate
 from tpd.limits import Requirements
 from tpd.scene.bob import Bob
 
-TILT = {"measure": "tilt"}
+TILT = {"reduce": "tilt"}
 DESIGN = SPACE.unscaled(np.array([0.4, 0.5, 0.4]))
 
 
@@ -82,7 +82,7 @@ def overturnings(*counts, tilts=(0.2, 0.4), runs=400, **more) -> PairedRuns:
 )
 def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, measure, refused):
     v = validated(
-        overturnings(with_it, without, tilts=tilts), requirements=Requirements(measure=stated, worse=1.0)
+        overturnings(with_it, without, tilts=tilts), requirements=Requirements(reduce=stated, worse=1.0)
     )
     assert v.measure == measure
     assert kinds(v) == ["too_little_benefit"] * refused

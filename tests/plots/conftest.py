@@ -26,5 +26,5 @@ def under_pulses():
     sizes = zip(np.linspace(4.0, 7.0, 8), np.linspace(1.0, 2.5, 8), strict=True)
     pulses = [tpd.Pulse(kind="one-sine", acceleration=a, frequency=f) for a, f in sizes]
     conditions = tpd.Conditions.records(pulses, [1.5, 2.5])
-    method, limits = tpd.GroundSearch(starts=16, steps=4), (tpd.limits.Stroke(1.0),)
+    method, limits = tpd.GroundSearch(designs=16, steps=4), (tpd.limits.Stroke(1.0),)
     return tpd.optimise(SCENE.block, conditions=conditions, limits=limits, method=method)

@@ -23,7 +23,7 @@ def harmonic(at_least: float = 0.1, measure: str | None = None) -> Design:
         limits=tpd.limits.POINT_BOB,
         method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
         ensemble=tpd.Ensemble(size=128),
-        requirements=tpd.limits.Requirements(at_least=at_least, measure=measure),
+        requirements=tpd.limits.Requirements(at_least=at_least, reduce=measure),
     )
 
 
@@ -37,7 +37,7 @@ def ground() -> Design:
     """A search under two built-in records, too few for a verdict."""
     records = tpd.records.el_centro(), tpd.records.loma_prieta()
     conditions = tpd.Conditions.records(records, (2.0, 3.0))
-    return tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(starts=4, steps=2))
+    return tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(designs=4, steps=2))
 
 
 @functools.cache

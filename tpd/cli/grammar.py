@@ -72,14 +72,14 @@ CONDITIONS = (
     Option("--exactly", "conditions", "exactly"),
     Option("--band", "conditions", "band", ("LO", "HI")),
     Option("--amplitudes", "conditions", "amplitudes", "X"),
-    Option("--measure", "risk", "measure", "WORD"),
+    Option("--risk", "search", "risk", "WORD"),
     Option("--from-rest", "starts", "kind", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options_of("search", optimiser="WORD", searches="N", starts="N", steps="N"),
+    *_options_of("search", optimiser="WORD", searches="N", designs="N", steps="N"),
     Option("--at-least", "requirements", "at_least", "X"),
-    Option("--reduce", "requirements", "measure", "WORD"),
-    Option("--allowed", "requirements", "wall_contacts", "X"),
+    Option("--reduce", "requirements", "reduce", "WORD"),
+    Option("--wall-contacts", "requirements", "wall_contacts", "X"),
     Option("--seed", "search", "seed", "N"),
     Option("--pareto", "search", "pareto", help="also search for three lighter pendulums and validate them"),
 )

@@ -228,7 +228,7 @@ class GroundMotionProblem(Problem):
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: the candidates are spread over the design space."""
         rng = np.random.default_rng([self.seed, 7])
-        return self.space.unscaled(latin_hypercube(rng, self.method.starts, len(self.space.names))), None
+        return self.space.unscaled(latin_hypercube(rng, self.method.designs, len(self.space.names))), None
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the

@@ -252,10 +252,10 @@ class Job(ABC):
     @cached_property
     def risk(self) -> Risk:
         """Risk measure."""
-        keys = self.full["risk"]
-        with naming("risk"):
-            name = keys["measure"]
-            return Risk.cvar(keys["share"]) if name == "cvar" else getattr(Risk, name)()
+        keys = self.full["search"]
+        with naming("search", share="risk_share"):
+            name = keys["risk"]
+            return Risk.cvar(keys["risk_share"]) if name == "cvar" else getattr(Risk, name)()
 
     @cached_property
     def bob(self) -> Bob:

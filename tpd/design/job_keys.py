@@ -194,24 +194,10 @@ TABLES: dict[str, dict[str, Key]] = {
             "initial states: any (the largest motion that attracts), or rest (wherever rest is possible)",
         )
     },
-    "risk": {
-        "measure": Key(
-            Literal["worst", "expected", "cvar"],
-            "worst",
-            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under "
-            "a harmonic motion only the descents use it, and later stages compare mean tilts; under pulses "
-            "and records the trial runs compare designs by it (default expected)",
-        ),
-        "share": Key(
-            float,
-            inspect.signature(Risk.cvar).parameters["share"].default,
-            "share of the conditions that the measure cvar uses",
-        ),
-    },
     "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
     "requirements": {
         **keys_of(Requirements),
-        "measure": Key(Literal["overturning", "tilt"], None, (Requirements, "measure")),
+        "reduce": Key(Literal["overturning", "tilt"], None, (Requirements, "reduce")),
     },
     "search": {
         "model": _descent["model"],
@@ -219,6 +205,18 @@ TABLES: dict[str, dict[str, Key]] = {
         **_ground_search,
         # The default depends on the search.
         "steps": _descent["steps"]._replace(default=None),
+        "risk": Key(
+            Literal["worst", "expected", "cvar"],
+            "worst",
+            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under "
+            "a harmonic motion only the descents use it, and later stages compare mean tilts; under pulses "
+            "and records the trial runs compare designs by it (default expected)",
+        ),
+        "risk_share": Key(
+            float,
+            inspect.signature(Risk.cvar).parameters["share"].default,
+            "share of the conditions that the measure cvar uses",
+        ),
         "seed": Key(_Whole, 0, "seed of all random choices, including those of the validation runs"),
         "pareto": Key(bool, False, "also find three lighter pendulums, each with its own validation"),
     },
@@ -230,9 +228,9 @@ READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
 _SHAKEN = ("pulse", "records")
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "harmonic": {"ensemble.size": VALIDATION_RUNS},
-    "pulse": {"risk.measure": "expected", "excitation.intensity": "scale", "excitation.scales": (1.0,)},
+    "pulse": {"search.risk": "expected", "excitation.intensity": "scale", "excitation.scales": (1.0,)},
     "records": {
-        "risk.measure": "expected",
+        "search.risk": "expected",
         "excitation.intensity": "pga_star",
         "excitation.validation_share": VALIDATION_SHARE,
     },
@@ -275,8 +273,8 @@ _ONLY_WITH: dict[str, tuple[str, Callable[[Tables], bool]]] = {
         _TWO_BOUNDS,
         lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
     ),
-    "risk.measure": _SEVERAL,
-    "risk.share": ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
+    "search.risk": _SEVERAL,
+    "search.risk_share": ("`search.risk` cvar", lambda full: full["search"]["risk"] == "cvar"),
 }
 """Keys that have an effect only together with another key: words for the other key, and a function that tests
 whether a job has it."""

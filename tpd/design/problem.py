@@ -179,10 +179,10 @@ class Problem(ABC):
             "site": {"gravity": scene.gravity},
             "bob": bob,
             "space": vars(self.space),
-            "risk": {"measure": measure, "share": risk.share if measure == "cvar" else None},
             "limits": limits,
             "requirements": vars(self.requirements),
-            "search": search | {"seed": self.seed},
+            "search": search
+            | {"risk": measure, "risk_share": risk.share if measure == "cvar" else None, "seed": self.seed},
         }
 
     @property

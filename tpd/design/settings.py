@@ -98,19 +98,19 @@ class GroundSearch:
     """Numbers of trial runs of a search under ground motions.
 
     Raises:
-        ValueError: fewer than 4 starts, or fewer than 0 steps.
+        ValueError: fewer than 4 designs, or fewer than 0 steps.
 
     Example:
         >>> import tpd
         >>> tpd.GroundSearch(steps=8)
-        GroundSearch(starts=32, steps=8)
+        GroundSearch(designs=32, steps=8)
     """
 
-    starts: checks.Whole = 32
+    designs: checks.Whole = 32
     """Number of designs that are spread over the design space."""
     steps: checks.Whole = 32
     """Number of designs that follow, each where the trend of the results promises the largest improvement."""
 
     def __post_init__(self) -> None:
-        checks.set_checked(self, checks.count, "starts", 4)
+        checks.set_checked(self, checks.count, "designs", 4)
         checks.set_checked(self, checks.count, "steps", 0)

@@ -105,7 +105,7 @@ def validate(
         decided = decided.half(0) if problem.has_validation_runs else decided
         # The runs that decide also select the measure. The other half must be compared by the same measure,
         # even if the share that overturns is close to 1 %.
-        requirements = replace(requirements, measure=requirements.measure or decided.first_measure)
+        requirements = replace(requirements, reduce=requirements.reduce or decided.first_measure)
         over, by_runs = _by_runs(problem, design, decided, requirements)
         # A limit that the design breaks at rest is not reported a second time for the runs.
         exceeded = {reason.limit for reason in reasons if reason.limit}
@@ -117,7 +117,7 @@ def validate(
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
     elif decided is not None and not reasons:
-        measure, required = requirements.measure or "", requirements.at_least
+        measure, required = requirements.reduce or "", requirements.at_least
         margin = decided.margin(measure, required, CERTAIN * required)
         quoted = replace(decided, passed=Decision(measure, margin))
     status = problem.evidence
@@ -130,7 +130,7 @@ def validate(
         exact=exact,
         decided=decided,
         quoted=quoted,
-        measure="" if decided is None else requirements.measure or "",
+        measure="" if decided is None else requirements.reduce or "",
         over_limit=float(over),
         reasons=tuple(reasons),
         status=status,
@@ -220,7 +220,7 @@ def _reasons(
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         add_reason(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
-    measure, required = requirements.measure or runs.first_measure, requirements.at_least
+    measure, required = requirements.reduce or runs.first_measure, requirements.at_least
     if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
         gain = runs.reduction(measure)[0]
         add_reason(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)

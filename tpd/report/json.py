@@ -43,7 +43,7 @@ def as_json(
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
     # The measure that was decided is known only after the validation, if the job leaves the choice to the
     # program.
-    measure = (design.best and design.best.measure) or problem.requirements.measure
+    measure = (design.best and design.best.measure) or problem.requirements.reduce
     entries = {
         "version": VERSION,
         "status": design.status.name,
@@ -55,7 +55,7 @@ def as_json(
         **{n: getattr(design, n) for n in _DESIGN},
         **{n: getattr(details, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
         "risk": problem.risk,
-        "requirements": replace(problem.requirements, wall_contacts=problem.allowed, measure=measure),
+        "requirements": replace(problem.requirements, wall_contacts=problem.allowed, reduce=measure),
         "limits": limits,
         "usage": design.usage,
         "job": job_tables,
