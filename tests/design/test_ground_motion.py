@@ -200,7 +200,7 @@ def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):
 def test_counts_of_trials_are_checked(name):
     with pytest.raises(ValueError, match=f"`{name}` must be a whole number"):
         tpd.GroundSearch(**{name: -1})
-    assert GROUND["method"].starts == 6
+    assert GROUND["method"].designs == 6
 
 
 COLUMN = tpd.Block(width=0.9, height=6.0, mass=2500.0, restitution=0.93, cavity_width=0.6)

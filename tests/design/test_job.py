@@ -26,6 +26,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Block
 
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
+MAVROEIDIS = "mavroeidis-papageorgiou"
 EXACTLY = {"conditions": {"exactly": True}}
 RECORDS = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
@@ -62,24 +63,10 @@ JOBS = {
     "held out": {"excitation": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
     "scaled": {"excitation": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
     "pulse": {
-        "excitation": {
-            "pulse": "mavroeidis-papageorgiou",
-            "pulse_frequency": 1,
-            "cycles": 2.0,
-            "phase": 0.5,
-            "pga": 1,
-        },
+        "excitation": {"pulse": MAVROEIDIS, "pulse_frequency": 1, "cycles": 2.0, "phase": 0.5, "pga": 1},
         "search": {"steps": 3, "designs": 5},
     },
-    "sizes": {
-        "excitation": {
-            "kind": "pulse",
-            "pulse": "ricker",
-            "pulse_frequency": 1.0,
-            "pga": 1.0,
-            "scales": [1, 2],
-        }
-    },
+    "sizes": {"excitation": {"pulse": "ricker", "pulse_frequency": 1.0, "pga": 1.0, "scales": [1, 2]}},
 }
 
 
@@ -212,19 +199,13 @@ def test_the_kind_of_motion_follows_from_its_keys():
     pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
     assert pulse.kind == "pulse"
     assert pulse.scene.excitation == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
-    assert (pulse.conditions.intensity, pulse.conditions.scales, pulse.validation_share) == (
-        "scale",
-        (1.0,),
-        0.0,
-    )
+    c = pulse.conditions
+    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (1.0,), 0.0)
     job = jobs.job_of({"excitation": RECORDS})
     assert job.kind == "records"
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
-    assert (job.conditions.intensity, job.conditions.scales, job.validation_share) == (
-        "pga_star",
-        (2.0, 3.0),
-        0.5,
-    )
+    c = job.conditions
+    assert (c.intensity, c.scales, job.validation_share) == ("pga_star", (2.0, 3.0), 0.5)
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
     asked = GroundMotionProblem.of(job.block, job.conditions)
     for name in ("space", "risk", "limits", "method", "requirements", "ensemble"):
