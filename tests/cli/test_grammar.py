@@ -18,7 +18,7 @@ from tpd.cli import grammar, main, optimise, options, parser
 from tpd.cli.new import template
 
 SMALL = {
-    "response": "--points 8 --from-rest 0",
+    "response": "--points 8 --simulate 0",
     "map": "--points 3",
     "spectrum": "--points 3",
     "shake": "--free 1",

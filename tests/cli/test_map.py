@@ -24,9 +24,9 @@ def test_the_map_agrees_with_the_library(run):
     assert content["varied"] == {"x": ["frequency", 1.0, 5.0], "y": ["pendulum_length", 0.05, 0.2]}
     assert (content["pendulum"]["mass"], content["pendulum"]["damping_ratio"]) == (0.8, 0.1)
     assert all(f"{count} {status}" in done.out for status, count in m.counts.items())
-    assert "Run the command with --from-rest to find out" in done.out
+    assert "Run the command with --simulate to find out" in done.out
     assert "already contains files" in run("map", AXES).err
-    again = run("map", AXES, "--overwrite", "--from-rest")
+    again = run("map", AXES, "--overwrite", "--simulate")
     assert again.status == 0
     assert again.json("map.json")["start"] == [0.0] * 4
-    assert "--from-rest" not in again.out
+    assert "--simulate" not in again.out

@@ -48,8 +48,8 @@ excitation={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baselin
 --records a.txt b.txt --scales 1 --event 1940 B --baseline mean
 excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
 --records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
-excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
---records a.txt --scales 1 --columns time=1 N=2 --skip 3 --scale 10
+excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, factor=10}
+--records a.txt --scales 1 --columns time=1 N=2 --skip 3 --factor 10
 conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; search.risk='cvar'
 --band 2.3 2.7 --amplitudes 0.8 1 1.2 --risk cvar
 scatter={friction=0.2, length=0.02}
@@ -83,13 +83,9 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, monkeypatch, file, op
 
 def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    block = {"width": 0.15, "height": 0.5, "mass": 20.0}
-    tables = {
-        "block": block,
-        "excitation": {"amplitude": 0.02, "frequency": 2.0},
-        "search": {"risk": "cvar"},
-    }
-    (tmp_path / "job.toml").write_text(jobs.job_of({**tables, "conditions": {"amplitudes": [1, 1.1]}}).toml)
+    tables = {"block": {"width": 0.15, "height": 0.5, "mass": 20.0}, "search": {"risk": "cvar"}}
+    tables |= {"excitation": {"amplitude": 0.02, "frequency": 2.0}, "conditions": {"amplitudes": [1, 1.1]}}
+    (tmp_path / "job.toml").write_text(jobs.job_of(tables).toml)
     job = job_of("--scene job.toml --width 0.12 --risk worst --seed 2")
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 

@@ -363,7 +363,7 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
     with pytest.raises(ValueError, match=r"; try these options: --skip 1 --columns ") as error:
         _ = jobs.job_of({"excitation": motion}).motions
     assert "skip=" not in str(error.value)
-    how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}
+    how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "factor": 10.0}
     north, east = jobs.job_of({"excitation": motion | how}).motions
     assert (north.dt, north.name, east.name) == (0.01, "N", "E")
     assert 2.0 * north.pga == pytest.approx(east.pga, rel=1e-3)
@@ -386,7 +386,7 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
         _ = jobs.Job.read(job).motions
     said = str(caught.value).partition("try these options: ")[2]
     assert shlex.split(said) == [
-        *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--scale", "1.2345678", "--unit", "cm/s2")
+        *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--factor", "1.2345678", "--unit", "cm/s2")
     ]
 
 

@@ -332,9 +332,9 @@ def test_a_header_that_follows_the_grammar_is_read(name, tmp_path):
 NOT_UNDERSTOOD = {
     "a factor": (
         "time (s),acc (cm/s2 x 10)",
-        r"'\(cm/s2 x 10\)', .*'time \(s\)': 1,.*scale=10.0, unit='cm/s2'",
+        r"'\(cm/s2 x 10\)', .*'time \(s\)': 1,.*factor=10.0, unit='cm/s2'",
     ),
-    "a power of ten": ("time (s),acc (10^-3 g)", r"has '\(10\^-3 g\)', .* scale=0.001"),
+    "a power of ten": ("time (s),acc (10^-3 g)", r"has '\(10\^-3 g\)', .* factor=0.001"),
     "a factor without brackets": ("t acc cm/s2 x 10", "has 'x 10'|has '10'|has 'acc"),
     "a spectrum": ("period (s),Sa (g)", "'period .s.' belongs to a response spectrum"),
     "a spectrum of displacements": ("T (s),SD (m)", "'SD .m.' belongs to a response spectrum"),
@@ -347,19 +347,19 @@ NOT_UNDERSTOOD = {
     "two times": ("time (s),time (ms)", "must have one time and accelerations"),
     "no names": ("", "names the columns"),
     "a remark": ("made up\nt (s),a (g)", "line 1 has 'made', .*: skip=1$"),
-    "a factor of a power": ("time (s),acc (g x 10^3)", "scale='FACTOR', unit='g'$"),
-    "a power in small digits": ("time (s),acc (×10⁻³ g)", "scale='FACTOR', unit='g'$"),
-    "a factor of the name": ("time (s),acc x10 (g)", "'acceleration': 2}, scale='FACTOR', unit='g'$"),
-    "a factor in words": ("time (s),acc (milli g)", "'acc': 2}, scale='FACTOR', unit='g'$"),
-    "per cent in words": ("time (s),acc (% of g)", "scale='FACTOR', unit='g'$"),
-    "a small unit": ("time (s),acc (µg)", "scale='FACTOR', unit='UNIT'$"),
-    "minus": ("time (s),acc (-g)", "scale='FACTOR', unit='UNIT'$"),
+    "a factor of a power": ("time (s),acc (g x 10^3)", "factor='FACTOR', unit='g'$"),
+    "a power in small digits": ("time (s),acc (×10⁻³ g)", "factor='FACTOR', unit='g'$"),
+    "a factor of the name": ("time (s),acc x10 (g)", "'acceleration': 2}, factor='FACTOR', unit='g'$"),
+    "a factor in words": ("time (s),acc (milli g)", "'acc': 2}, factor='FACTOR', unit='g'$"),
+    "per cent in words": ("time (s),acc (% of g)", "factor='FACTOR', unit='g'$"),
+    "a small unit": ("time (s),acc (µg)", "factor='FACTOR', unit='UNIT'$"),
+    "minus": ("time (s),acc (-g)", "factor='FACTOR', unit='UNIT'$"),
     "a unit with digits is no factor": ("temps (s);accélération (m/s2)", "'acceleration': 2}, unit='m/s2'$"),
     "a gain beside a station": (
         "Station: gain 10\ntime (s),acc (g)",
-        "has 'gain', .*: skip=1, scale='FACTOR'$",
+        "has 'gain', .*: skip=1, factor='FACTOR'$",
     ),
-    "a factor beside a record": ("Record: scaled x2\nt (s),a (g)", "has 'scaled', .* scale='FACTOR'$"),
+    "a factor beside a record": ("Record: scaled x2\nt (s),a (g)", "has 'scaled', .* factor='FACTOR'$"),
     "a quantity beside a record": ("Record: velocity\nt (s),a (g)", "has 'velocity'"),
     "a vertical beside a station": (
         "Station X Component UD\nt (s),a (g)",
@@ -368,7 +368,7 @@ NOT_UNDERSTOOD = {
     "a vertical above": ("UD\nt (s),a (g)", "'NAME2': 2}, unit='g'$"),
     "a peak in another unit": (
         "PGA = 120 gal\nt (s),strange acc (g)",
-        "columns={'t .s.': 1, 'acceleration': 2}, scale='FACTOR', unit='g'$",
+        "columns={'t .s.': 1, 'acceleration': 2}, factor='FACTOR', unit='g'$",
     ),
     "a stated unit": ("UNIT : GAL\nt (s),made up", "'acceleration': 2}, unit='gal'$"),
     "minutes": ("time (min),a (g)", r"has '\(min\)', .*columns={'a .g.': 2}, dt='STEP'$"),
@@ -378,7 +378,7 @@ NOT_UNDERSTOOD = {
         "Response spectrum\nT (s),a (g)",
         "a motion is needed, but line 1 is 'Response spectrum'",
     ),
-    "numbers of columns": ("1,2\nt (s),a (g)", "line 1 has '1', .*: skip=1, scale='FACTOR'$"),
+    "numbers of columns": ("1,2\nt (s),a (g)", "line 1 has '1', .*: skip=1, factor='FACTOR'$"),
 }
 
 
@@ -434,7 +434,7 @@ def test_an_option_that_contradicts_the_file_is_refused(name, tmp_path):
 @pytest.mark.mends("there were no options that state what the columns hold")
 def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
     text = in_table("Aufzeichnung 7, Einheit siehe Anhang", "Uhr | A | B | C", columns=3)
-    how = {"skip": 2, "columns": {"time": 1, "N (gal)": 2, "Z": 4}, "unit": "gal", "scale": 100.0}
+    how = {"skip": 2, "columns": {"time": 1, "N (gal)": 2, "Z": 4}, "unit": "gal", "factor": 100.0}
     (north, up) = found(tmp_path, text, **how)
     assert north[:3] == (0.01, 1.0, "N")
     assert up == (0.01, 3.0, "Z", UP)
@@ -445,7 +445,7 @@ def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
         found(tmp_path, text, skip=2, columns={"Uhr": 1, "N": 2})
     for wrong, message in {
         "skip": (-1, "`skip` must be a number of lines"),
-        "scale": (0.0, "`scale` must be a finite number"),
+        "factor": (0.0, "`factor` must be a finite number"),
         "columns": ({"N": 0}, "`columns` must map names to column numbers"),
     }.items():
         with pytest.raises(ValueError, match=message[1] if isinstance(message, tuple) else message):
@@ -619,7 +619,7 @@ def test_a_channel_that_is_given_twice_is_a_choice(tmp_path, names):
 @pytest.mark.mends("volts were a vertical acceleration in any unit of the user")
 def test_volts_counts_and_velocities_are_no_accelerations(tmp_path):
     for header in ("t (s),acc (V)", "t (s),a [V]", "t (s),acc (counts)", "Record: raw counts\nt (s),a"):
-        with pytest.raises(UnreadableRecord, match=r"not understood.*scale='FACTOR'"):
+        with pytest.raises(UnreadableRecord, match=r"not understood.*factor='FACTOR'"):
             found(tmp_path, in_table(*header.splitlines()), unit="g")
     # No option makes an acceleration of a velocity.
     for header in ("t (s),vel (g)", "t (s),velocity x2", "t (s),displacement (g)"):

@@ -38,11 +38,11 @@ BLOCK = (
 HARMONIC = _options_of("excitation", amplitude="M", frequency="HZ")
 PULSE = _options_of("excitation", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
 READING = _options_of(
-    "excitation", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N"
+    "excitation", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N", factor="X"
 )
 _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
-# Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
-# `--records` and `--scales`; there `--scale` multiplies the samples of a file.
+# Commands that simulate one motion have `--record` and one `--scale`. Commands that need several have
+# `--records` and `--scales`.
 RECORD = (
     Option("--record", "excitation", "records", "FILE", one=True, help="file, or name such as el-centro"),
     *READING,
@@ -53,7 +53,6 @@ RECORD = (
 RECORDS = (
     *_options_of("excitation", records="FILE", scales="X", intensity="WORD", event="NAME"),
     *READING,
-    *_options_of("excitation", scale="X"),
 )
 VALIDATION_SHARE = Option("--validation-share", "excitation", "validation_share", "X")
 _NO_WALLS = "no walls around the bob: no limit on clearance"
@@ -260,7 +259,7 @@ def _response(command: Parser) -> None:
     text = "vary the frequency ratio xi at constant base acceleration f; --from and --to are values of xi"
     _add_switch(command, "--dimensionless", f"{text}, dimensionless")
     text = "number of frequencies at which motions from rest are simulated, 0 for none (default 40)"
-    _add_number(command, "--from-rest", "N", text, int, default=40)
+    _add_number(command, "--simulate", "N", text, int, default=40)
     _add_out(command, "tpd-response")
 
 
@@ -270,7 +269,7 @@ def _map(command: Parser) -> None:
         named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"{axis} axis: {_AXIS}"}
         command.add_argument(f"--{axis}", nargs=3, required=True, **named)
     _add_number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
-    _add_switch(command, "--from-rest", "simulate each design from rest; this takes about 40 times longer")
+    _add_switch(command, "--simulate", "simulate each design from rest; this takes about 40 times longer")
     _add_cluster(command)
     _add_out(command, "tpd-map")
 

@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             (x[0], np.linspace(x[1], x[2], options.points)),
             (y[0], np.linspace(y[1], y[2], options.points)),
             pendulum=pendulum,
-            start=np.zeros(4) if options.from_rest else None,
+            start=np.zeros(4) if options.simulate else None,
             cluster=cluster,
             progress=partial(bar, "designs"),
         )
@@ -41,8 +41,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     common.print_header(scene, at_rest=AtRest.under(scene))
     counts = [f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()]
     print_answer("", "number of designs by the status of the motion:", *counts)
-    if not options.from_rest:
-        print(outputs.PERIODIC_ONLY.format("--from-rest"))
+    if not options.simulate:
+        print(outputs.PERIODIC_ONLY.format("--simulate"))
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}

@@ -38,8 +38,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     status."""
     scene, pendulum = case.job.scene, case.pendulum
     name, low, high = _range(options, scene)
-    if options.from_rest != 0:
-        checks.count("--from-rest", options.from_rest, least=2)
+    if options.simulate != 0:
+        checks.count("--simulate", options.simulate, least=2)
     common.print_header(scene, pendulum, at_rest=AtRest.under(scene))
     own = _own_value(scene, name)
     orbits: dict[str, Branches] = {}
@@ -51,8 +51,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             orbits[label] = branches(scene, name, low, high, pendulum=case_pendulum, samples=options.points)
             bar("branches", len(orbits), len(pendulums))
         # Motions from rest take longer than branches, so that they can be turned off.
-        if options.from_rest:
-            values = frequencies(own, low, high, options.from_rest)
+        if options.simulate:
+            values = frequencies(own, low, high, options.simulate)
             settled = {
                 label: settled_response(scene, name, values, pendulum=case_pendulum, progress=bar)
                 for label, case_pendulum in pendulums.items()
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         trains = [train_of(scene.excitation, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
         lines += wrapped(sliding(scene, trains, pendulum))
     else:
-        lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))
+        lines.append(outputs.PERIODIC_ONLY.format("--simulate N"))
     print_answer("", *lines)
     content = {
         **common.json_inputs(scene, pendulum),

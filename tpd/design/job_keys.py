@@ -161,7 +161,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "if the samples continue row by row",
         ),
         "skip": Key(_Whole, None, "number of lines at the top of a table that are skipped"),
-        "scale": Key(float, None, "factor by which all samples of a file are multiplied"),
+        "factor": Key(float, None, "factor by which all samples of a file are multiplied"),
         "unit": Key(str, None, "unit of files that do not state one: g, m/s2, cm/s2"),
         "baseline": Key(
             str,
@@ -223,7 +223,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "ensemble": keys_of(Ensemble),
 }
 """All keys, by table and name."""
-READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
+READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "factor")
 """Keys of [excitation] that control how files of records are read."""
 _SHAKEN = ("pulse", "records")
 _DEFAULTS: dict[str, dict[str, Any]] = {

@@ -145,12 +145,14 @@ def note_direction(channel: Channel, named: bool | None = None) -> Channel:
     return channel.with_notes(*([UNKNOWN] if vertical is None else [VERTICAL] if vertical else []))
 
 
-def scale_channel(channel: Channel, scale: float) -> Channel:
+def scale_channel(channel: Channel, factor: float) -> Channel:
     """Return a channel with all samples multiplied by a number."""
-    if scale == 1.0:
+    if factor == 1.0:
         return channel
-    values = scale * channel.acceleration
-    return replace(channel, acceleration=values).with_notes(f"scale: all samples are multiplied by {scale:g}")
+    values = factor * channel.acceleration
+    return replace(channel, acceleration=values).with_notes(
+        f"factor: all samples are multiplied by {factor:g}"
+    )
 
 
 def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:

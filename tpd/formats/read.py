@@ -118,7 +118,7 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
                 wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
-            channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
+            channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline), named)
             channels.append(replace(channel, source=label))
     except UnreadableRecord as error:
         error.args = (f"{label}: {error.args[0]}",)

@@ -115,14 +115,14 @@ class Options:
     """Numbers of columns, from 1, by their names; or `ROWS`."""
     skip: int = 0
     """Number of lines at the top that are skipped."""
-    scale: float = 1.0
+    factor: float = 1.0
 
     def __post_init__(self) -> None:
         if type(self.skip) is not int or self.skip < 0:
             raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {self.skip!r}")
-        checks.set_checked(self, checks.number, "scale")
-        if self.scale == 0.0:
-            raise ValueError("`scale` must be a finite number other than 0, but is 0")
+        checks.set_checked(self, checks.number, "factor")
+        if self.factor == 0.0:
+            raise ValueError("`factor` must be a finite number other than 0, but is 0")
         if self.dt is not None:
             checks.set_checked(self, checks.positive, "dt")
         if self.unit is not None:
@@ -545,9 +545,9 @@ def _remedy(
     rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
     match = _FACTOR.fullmatch(piece)
     if match and plain(match[2] or match[3]) in FACTORS:
-        options["scale"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
+        options["factor"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
     elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
-        options["scale"] = "FACTOR"
+        options["factor"] = "FACTOR"
     with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)

@@ -141,7 +141,7 @@ class Record(GroundMotion):
         unit: str | None = None,
         columns: Mapping[str, int] | str | None = None,
         skip: int = 0,
-        scale: float = 1.0,
+        factor: float = 1.0,
     ) -> Record:
         """Read one channel of a file. The format is recognised from the content.
 
@@ -167,7 +167,7 @@ class Record(GroundMotion):
                 2, "E (gal)": 3}`; columns that are not listed are ignored. "rows" means that the samples
                 continue row by row.
             skip: number of lines at the top of a table that are skipped.
-            scale: factor by which all samples are multiplied.
+            factor: factor by which all samples are multiplied.
 
         Raises:
             ValueError: the file is damaged, incomplete, contradictory or of an unknown format, or it has
@@ -184,7 +184,7 @@ class Record(GroundMotion):
         """
         from tpd.formats.read import Options, one_channel
 
-        how = Options(dt, baseline, unit, columns, skip, scale)
+        how = Options(dt, baseline, unit, columns, skip, factor)
         return _of(one_channel(path_of(path), channel, how))
 
     @staticmethod
@@ -196,7 +196,7 @@ class Record(GroundMotion):
         unit: str | None = None,
         columns: Mapping[str, int] | str | None = None,
         skip: int = 0,
-        scale: float = 1.0,
+        factor: float = 1.0,
     ) -> list[Record]:
         """Read all channels of a file, in the order of the file. Vertical channels have a note.
 
@@ -204,7 +204,7 @@ class Record(GroundMotion):
         """
         from tpd.formats.read import Options, channels
 
-        how = Options(dt, baseline, unit, columns, skip, scale)
+        how = Options(dt, baseline, unit, columns, skip, factor)
         return [_of(c) for c in channels(path_of(path), how)]
 
 
