@@ -21,7 +21,7 @@ from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_s
 from tpd.answers.steady_state import Steady
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.models.base import AbstractModel
 from tpd.theory.equations import Linear, Terms
 
@@ -178,7 +178,7 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
     return answer
 
 
-def settled(equations: Terms, p: Parameters, y0: Any = None, **options: Any) -> Settled:
+def settled(equations: Terms, p: Parameters, y0: Any = None, **options: Any) -> Run:
     """Where the runs of a batch settle under a harmonic; at rest for the start of one run."""
     forcing = HarmonicForcing(*(options.pop(name, x) for name, x in HarmonicForcing()._asdict().items()))
     return follow(equations, row_of(p), forcing, y0=y0, **options)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tpd.compiled import simulate
-from tpd.compiled.follow import EVENT_BOUND
+from tpd.scene.status import Status, code_of, status_of
 from tpd.theory.equations import Terms
 
 
@@ -27,9 +27,8 @@ def unanswered(
         followed.append(np.array(rows))
         lost = where(np.asarray(rows))
         # What such a run leaves behind is that of its part of the motion.
-        return found._replace(
-            status=np.where(lost, EVENT_BOUND, found.status), tilt=np.where(lost, 0.01, found.tilt)
-        )
+        ends = np.where(lost, code_of(Status.event_bound), code_of(found.status))
+        return found._replace(status=status_of(ends), tilt=np.where(lost, 0.01, found.tilt))
 
     monkeypatch.setattr(simulate, "follow", stub)
     return followed

@@ -27,7 +27,7 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     # The nonlinear equations add what is of second order in the bob's swing.
     assert found.top.status == "rest"
     settled = reference.settled(tpd.Terms.nonlinear, as_arrays(p), np.zeros(4))
-    assert found.top.swing == pytest.approx(float(settled.swing), rel=1e-6)
+    assert found.top.swing == pytest.approx(float(settled.settled_swing), rel=1e-6)
     assert found.top.swing != pytest.approx(float(exact.swing), rel=1e-4)
     assert found.objections == ()
     assert all(r.seconds > 0 and r.neglects for r in found.models)

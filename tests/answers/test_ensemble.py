@@ -133,8 +133,8 @@ def settled(mass, length, equations):
     # A cosine is a sine that begins a quarter of a period late.
     how = {"begin": 0.5 * np.pi / np.asarray(runs.p.xi), "ramp": runs.periods}
     found = reference.settled(tpd.Terms(equations), runs.p, runs.y0, periods=TABLE_1.periods, **how)
-    fell = (code_of(found.status) == code_of(Status.overturned)) | (np.asarray(found.peak) > 1.3)
-    tilts = np.where(fell, np.inf, np.asarray(found.amplitude)) / np.arctan(0.25)
+    fell = (code_of(found.status) == code_of(Status.overturned)) | (np.asarray(found.tilt) > 1.3)
+    tilts = np.where(fell, np.inf, np.asarray(found.settled_tilt)) / np.arctan(0.25)
     return tilts[runs.ramp == 0.0], tilts[runs.ramp > 0.0]
 
 

@@ -12,7 +12,7 @@ from tests.unanswered import unanswered
 from tpd.answers.fragility import Fragility
 from tpd.compiled import simulate
 from tpd.compiled.columns import MU, F
-from tpd.compiled.follow import EVENT_BOUND
+from tpd.scene.status import code_of, status_of
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -158,7 +158,8 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
     def stub(equations, rows, *others, **options):
         found = follow(equations, rows, *others, **options)
         lost = (equations is tpd.Terms.nonlinear) & (rows[:, F] > 2.0)
-        return found._replace(status=np.where(lost, EVENT_BOUND, found.status))
+        ends = np.where(lost, code_of(tpd.Status.event_bound), code_of(found.status))
+        return found._replace(status=status_of(ends))
 
     monkeypatch.setattr(simulate, "follow", stub)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])

@@ -36,7 +36,7 @@ def test_the_table_has_every_motion_with_every_pendulum(runs):
         # Angles at the moment of overturning mean nothing; without a pendulum there is a bob without mass.
         names = {"impacts": one.impacts, "tilt": one.tilt}
         if i == 1:
-            names |= {"swing": one.swing, "rod_angle": one.relative}
+            names |= {"swing": one.swing, "rod_angle": one.rod_angle}
         for name, known in names.items():
             known = math.inf if status == "overturned" and name != "impacts" else float(known)
             assert getattr(runs, name)[i, j, k] == pytest.approx(known, rel=1e-9), name

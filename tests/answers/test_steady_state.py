@@ -24,7 +24,7 @@ from tpd import Parameters, Status, simulate, status_name, steady_state, symmetr
 from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _Answer, _compare, _status
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
-from tpd.compiled.simulate import Settled
+from tpd.compiled.simulate import Run
 from tpd.scene.status import index_of, names_of
 from tpd.theory import uplift
 
@@ -341,7 +341,8 @@ def compared(answer, exact):
     none = jnp.zeros(())
     judged = _Answer(of[1], none, of[0], 1, none, False, none, jnp.zeros(4), 0)
     status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])
-    settled = Settled(jnp.zeros(4), None, jnp.asarray(1), other[1], none, status, jnp.asarray(1), none, none)
+    angles, one = (none, other[1], *4 * (none,)), jnp.asarray(1)
+    settled = Run(*angles, jnp.zeros(4), status, one, one)
     found = _compare(judged, settled)
     return str(names_of(found.status)), float(found.estimate)
 

@@ -347,7 +347,7 @@ def test_limits_under_a_ground_motion_are_those_of_the_motion_that_the_page_show
     half = float(job.scene.block.cavity_width) / 2.0
     bob = tpd.limits.Bob()
     mass, rod = bob.built(float(pendulum.mass), float(pendulum.length), 9.80665)
-    reach = float(bob.reach(mass, rod, float(expected.relative)))
+    reach = float(bob.reach(mass, rod, float(expected.rod_angle)))
     shown = float(row(window, "clearance", "limits")[0].split()[0])
     assert shown == pytest.approx(100.0 * reach / half, rel=6e-3)
     assert "Limits exceeded: " in status(window)

@@ -174,11 +174,11 @@ MODES = {
 }
 RECORD = """(cases) => cases.map(({ p, start, ground, times }) => {
   const motion = new Motion(p, start, ground), modes = new Set();
-  const largest = { tilt: 0, swing: 0, relative: 0 };
+  const largest = { tilt: 0, swing: 0, rod_angle: 0 };
   const record = ({ y, kind, side, way }) => {
     const at = side > 0 ? "right" : "left", to = way > 0 ? "right" : "left";
     modes.add(["at rest", `stuck to the ${at}`, `slip, ${at} corner, to the ${to}`][kind]);
-    const values = { tilt: y[0], swing: y[1], relative: y[1] - y[0] };
+    const values = { tilt: y[0], swing: y[1], rod_angle: y[1] - y[0] };
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   };
   record(motion);

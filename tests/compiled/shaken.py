@@ -10,8 +10,8 @@ import tpd
 from tests.truth import GRAVITY, el_centro
 from tpd.answers.run_table import rows_of
 from tpd.compiled.columns import XI
-from tpd.compiled.follow import OVERTURNED, ROCKED, STOOD
-from tpd.compiled.simulate import Followed, GroundForcing, follow
+from tpd.compiled.simulate import GroundForcing, Run, follow
+from tpd.scene.status import STANDING, is_one_of
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
 
@@ -31,18 +31,18 @@ def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarra
     return rows, [np.asarray(case.motion.pieces(), dtype=float) for case in cases], rates
 
 
-def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Followed:
+def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Run:
     """All the motions, followed freely for `free` seconds after their ends; times in s."""
     rows, pieces, rates = operands(cases)
     forcing = GroundForcing(pieces, free * rates, np.arange(len(cases)))
     found = follow(tpd.Terms.linear, rows, forcing, **options)
-    return found._replace(times=found.times / rates[:, None], lifted=found.lifted / rates)
+    return found._replace(times=found.times / rates[:, None], uplift_time=found.uplift_time / rates)
 
 
-def decided(found: Followed) -> bool:
+def decided(found: Run) -> bool:
     """Whether every motion has an answer, and all its times are those of a motion."""
-    known = np.isin(found.status, (STOOD, ROCKED, OVERTURNED))
-    return bool(np.all(known) and np.all(found.times >= 0.0) and np.all(found.lifted >= 0.0))
+    known = is_one_of(found.status, *STANDING, tpd.Status.overturned)
+    return bool(np.all(known) and np.all(found.times >= 0.0) and np.all(found.uplift_time >= 0.0))
 
 
 def record(acceleration: Any, dt: float) -> tpd.Record:

@@ -21,8 +21,8 @@ NOISE = record(np.append(0.0, 4.0 * np.random.default_rng(4).standard_normal(40)
 def results(z, pieces, free=1.5):
     """Numbers of a run as a function of its row and its start."""
     found = follow(tpd.Terms.linear, z[:9], GroundForcing([pieces], free), y0=z[9:])
-    sizes = found.tilt, found.swing, found.relative
-    return jnp.stack([*sizes, *found.state, found.growing, *found.times, found.lifted])
+    sizes = found.tilt, found.swing, found.rod_angle
+    return jnp.stack([*sizes, *found.state, found.growing, *found.times, found.uplift_time])
 
 
 @pytest.mark.parametrize("motion", [SINE, NOISE], ids=["sine", "record"])

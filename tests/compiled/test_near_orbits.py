@@ -12,7 +12,7 @@ from tpd.theory.equations import Terms
 @pytest.mark.parametrize(("share", "early"), [(0.003, True), (0.2, False)])
 def test_a_motion_is_taken_to_an_orbit_from_near_by_alone(share, early):
     p = parameters(SLOW)
-    orbit = periodic_orbit(p, settled(Terms.linear, p, np.zeros((1, 4))).y[0])
+    orbit = periodic_orbit(p, settled(Terms.linear, p, np.zeros((1, 4))).state[0])
     assert status_name(orbit.status) == "rocking"
     found = settled(Terms.linear, p, np.asarray(orbit.state)[None] * (1.0 + share))
     assert (int(found.elapsed[0]) < 30) is early

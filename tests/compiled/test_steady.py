@@ -49,7 +49,7 @@ def verdict(transversality=1.0, residual=0.0, multiplier=0.5, to_fold=0.5, separ
     code = steady.verdict.py_func(
         repetition.ROCKING, residual, separation, multiplier, to_fold, transversality, False
     )
-    return columns.STEADY_STATUSES[code]
+    return columns.STATUSES[code]
 
 
 LOSSES = [

@@ -9,7 +9,7 @@ from tests.compiled.orbit_cases import BATCH, solve
 from tests.reference import differences, parameters
 from tpd import Parameters, simulate, status_name, steady_state
 from tpd.compiled import orbits as engine
-from tpd.compiled.columns import STATUSES
+from tpd.compiled.columns import ORBIT_STATUSES
 from tpd.compiled.rows import row_of
 from tpd.compiled.symmetric_orbit_kernel import _status
 
@@ -27,15 +27,15 @@ from tpd.compiled.symmetric_orbit_kernel import _status
 )
 def test_an_orbit_about_to_be_lost_has_a_name(half, dent, status):
     named = _status.py_func(SimpleNamespace(k=0.05, e=1.0, mu=0.1, zeta=0.1), half, abs(1.0 - half), dent)
-    assert STATUSES[named] == status
+    assert ORBIT_STATUSES[named] == status
 
 
-@pytest.mark.parametrize("status", STATUSES)
+@pytest.mark.parametrize("status", ORBIT_STATUSES)
 def test_only_an_orbit_that_is_neither_near_a_fold_nor_grazes_has_derivatives(status):
     x = row_of(Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=3.0))[None]
     orbits = engine.solve_orbits(x)
-    assert STATUSES[int(orbits[0, 0]["status"])] == "rocking"
-    orbits["status"] = STATUSES.index(status)
+    assert ORBIT_STATUSES[int(orbits[0, 0]["status"])] == "rocking"
+    orbits["status"] = ORBIT_STATUSES.index(status)
     slopes = engine.orbit_slopes(x, orbits, np.eye(9)[None], (0, 3))[0, 0, :, 0]
     assert np.all(np.isfinite(slopes) == (status in ("rocking", "unstable", "neutral")))
 

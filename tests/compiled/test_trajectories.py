@@ -32,7 +32,7 @@ def test_what_settled_comes_back_after_its_periods(equations, x, y0, status):
     found = settled(equations, p, jnp.array(y0), tolerance=1e-8)
     assert status_name(found.status) == status
     times = jnp.array([0.0, float(found.periods) * float(p.period)])
-    ys, end = trajectory(equations, p, found.y, times, events=200, rest_rate=2e-7, rtol=1e-10)
+    ys, end = trajectory(equations, p, found.state, times, events=200, rest_rate=2e-7, rtol=1e-10)
     felt = np.array([0, 2])
-    np.testing.assert_allclose(ys[-1][felt], found.y[felt], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(ys[-1][felt], found.state[felt], rtol=0, atol=1e-7)
     assert status_name(end) == "rocking"

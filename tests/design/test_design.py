@@ -20,7 +20,7 @@ def test_a_recommended_design_offers_its_pendulum_and_quotes_its_runs(harmonic):
     assert harmonic.risks == pytest.approx(best.quoted.severity.mean(axis=1))
     np.testing.assert_array_equal(harmonic.nearest, best.design)
     assert (harmonic.refusals, harmonic.is_harmful) == ((), False)
-    assert len(harmonic.turned) == best.quoted.with_pendulum.stands.sum()
+    assert len(harmonic.rod_angle) == best.quoted.with_pendulum.stands.sum()
     assert 0.0 < harmonic.swing < 0.5 == harmonic.stroke_limit
     lines = str(harmonic).splitlines()
     assert lines[0].startswith("RECOMMENDED")
@@ -79,7 +79,7 @@ def test_a_design_that_is_tuned_only_claims_no_benefit(ground):
     assert isinstance(ground.benefit, Interval)
     few = dataclasses.replace(ground, status=DesignStatus.too_few)
     assert (few.pendulum, few.benefit) == (None, None)
-    assert ground.swing == np.quantile(ground.turned, 0.9, method="higher")
+    assert ground.swing == np.quantile(ground.rod_angle, 0.9, method="higher")
 
 
 def test_the_arguments_that_pose_a_problem_again(harmonic, ground):

@@ -170,9 +170,9 @@ def test_the_share_of_runs_beyond_a_limit_is_unknown_if_no_run_stands():
 
 @pytest.mark.mends("one quantile of the swing was interpolated, and two others were the value of a run")
 def test_the_swing_that_is_drawn_built_and_compared_with_the_limit_is_that_of_one_run(ground):
-    angle = ground.problem.reached(ground.turned)
-    assert angle in ground.turned
-    assert np.mean(ground.turned > angle) <= ground.problem.allowed
+    angle = ground.problem.reached(ground.rod_angle)
+    assert angle in ground.rod_angle
+    assert np.mean(ground.rod_angle > angle) <= ground.problem.allowed
     assert build_of(ground).angle == ground.swing == angle
     swing = ground.runs.with_pendulum.settled_swing[ground.runs.with_pendulum.stands]
     assert ground.usage["stroke"] == ground.problem.reached(swing / 0.5)

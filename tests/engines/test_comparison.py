@@ -31,9 +31,9 @@ def test_a_column_overturns_where_the_equations_say():
 
 def assert_alike(found, rtol, least=0):
     for ours, theirs in zip(found.with_equations, found.finer, strict=True):
-        stands = np.isfinite(ours.peak) & np.isfinite(theirs.peak)
+        stands = np.isfinite(ours.tilt) & np.isfinite(theirs.tilt)
         assert stands.sum() >= least
-        np.testing.assert_allclose(theirs.peak[stands], ours.peak[stands], rtol=rtol)
+        np.testing.assert_allclose(theirs.tilt[stands], ours.tilt[stands], rtol=rtol)
 
 
 def test_tilts_of_both_are_alike_and_the_verdict_says_so():

@@ -54,11 +54,11 @@ def test_a_motion_that_ends_has_a_status(periods, name, own):
 def test_sizes_are_those_of_the_motion_s_own_periods_and_peaks_those_of_all():
     record = after(period(B, size=0.4), period(A, size=0.2), period(C, size=0.1), period(A, size=0.3))
     settled = record.settled()
-    assert float(settled.amplitude) == pytest.approx(0.3)
-    assert float(settled.swing) == pytest.approx(0.6)
-    assert float(settled.peak) == pytest.approx(0.5)
+    assert float(settled.settled_tilt) == pytest.approx(0.3)
+    assert float(settled.settled_swing) == pytest.approx(0.6)
+    assert float(settled.tilt) == pytest.approx(0.5)
     lost = after(period(A, lost=YES)).settled()
-    assert np.isinf(lost.peak)
+    assert np.isinf(lost.tilt)
 
 
 def test_more_periods_than_are_remembered_are_no_repetition():

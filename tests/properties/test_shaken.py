@@ -74,7 +74,7 @@ def with_samples(scene, samples, **changes):
 
 
 def angles(motion):
-    return np.array([motion.tilt, motion.swing, motion.relative])
+    return np.array([motion.tilt, motion.swing, motion.rod_angle])
 
 
 def assert_same(one, other, later=0.0, tolerance=1e-8):
@@ -166,7 +166,7 @@ def test_a_bob_without_mass_leaves_the_bare_block(case):
     light = transient(scene, replace(pendulum, mass=0.0), free=FREE)
     assert status_name(light.status) == status_name(without.status)
     assert light.tilt == pytest.approx(without.tilt, rel=1e-12)
-    assert without.swing == without.relative == 0.0
+    assert without.swing == without.rod_angle == 0.0
 
 
 @bounded(40)

@@ -66,4 +66,4 @@ def test_infinities_have_their_sign_and_reasons_their_sentence():
     assert (benefit["low"], benefit["high"]) == ("-infinite", "infinite")
     (reason,) = written(against(LITTLE))["validated"][0]["reasons"]
     assert (reason["kind"], reason["sentence"]) == ("too_little_benefit", str(LITTLE))
-    assert "infinite" in written(harmonic())["without_pendulum"]["amplitude"]
+    assert "infinite" in written(harmonic())["without_pendulum"]["settled_tilt"]

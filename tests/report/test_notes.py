@@ -63,11 +63,11 @@ def test_walls_are_watched_in_all_motions_and_reported_once():
     n = len(harmonic().conditions)
     zero = np.zeros(n)
     orbits = {"swing": zero[None], "tilt": zero[None]}
-    still = {"swing": zero, "amplitude": zero, "peak": zero, "peak_swing": zero, "orbits": orbits}
+    still = {**dict.fromkeys(("tilt", "settled_tilt", "swing", "settled_swing"), zero), "orbits": orbits}
     light = {"pendulum": LIGHT}
     half = only(changed(exact=dict(still), **light), "TOUCH").text
     assert half.startswith("In half of the validation runs the bob, as a solid ball of steel")
-    from_rest = still | {"peak": np.full(n, 0.3)}
+    from_rest = still | {"tilt": np.full(n, 0.3)}
     assert only(changed(exact=from_rest, **light), "TOUCH").text.startswith(
         "In the transient from rest the bob"
     )
@@ -166,7 +166,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
 @pytest.mark.parametrize(
     ("words", "exact"),
     [
-        ("At a swing of 0.35 rad the linear equations", {"swing": np.full(10, 0.35)}),
+        ("At a swing of 0.35 rad the linear equations", {"settled_swing": np.full(10, 0.35)}),
         (
             "The settled motion attracts slowly (Floquet multiplier 0.970)",
             {"multiplier": np.full(10, 0.97), "status": np.full(10, "rocking")},

@@ -39,7 +39,7 @@ print(json.dumps({name: float(value) for name, value in {
     "multiplier": abs(orbit.multipliers[0][0]),
     "smoothed": tpd.steady_state(p, y0=start, model=tpd.Smoothed()).amplitude,
     "friction": tpd.theory.equivalent_friction(p, 0.1),
-    "nonlinear": follow(Terms.nonlinear, row_of(p), HarmonicForcing(), y0=np.array(start)).amplitude,
+    "nonlinear": follow(Terms.nonlinear, row_of(p), HarmonicForcing(), y0=np.array(start)).settled_tilt,
 }.items()}))
 """
 E = 0.9

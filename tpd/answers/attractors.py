@@ -16,7 +16,7 @@ import numpy as np
 
 from tpd.answers.steady_state import Steady, steady_state
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
@@ -159,12 +159,12 @@ def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
     return bool(close[0] and (close[1] or not felt))
 
 
-def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
+def _groups(settled: Run, felt: bool) -> list[tuple[int, list[int]]]:
     """Group the initial states that seem to reach the same motion, by number of status."""
     # This coarse grouping saves Newton's method for all but one initial state of each group. The motions that
     # Newton's method returns are then compared with a much smaller tolerance.
     codes, periods = code_of(settled.status), settled.periods
-    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.swing)], axis=-1)
+    sizes = np.stack([settled.settled_tilt, settled.settled_swing], axis=-1)
     groups: list[tuple[int, list[int]]] = []
     for i, code in enumerate(codes.tolist()):
         for other, group in groups:

@@ -19,7 +19,7 @@ import numpy as np
 
 from tpd.answers.steady_state import Steady, steady_state
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
 from tpd.models.base import AbstractChoice, setting
 from tpd.models.piecewise import Nonlinear, Piecewise
@@ -154,11 +154,11 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
     return steady, estimated_error(p, steady.amplitude, steady.swing, slope)
 
 
-def _is_same_motion(steady: Steady, reached: Settled) -> bool:
+def _is_same_motion(steady: Steady, reached: Run) -> bool:
     """Whether the nonlinear equations reach the same motion as the linear ones."""
     if bool(steady.status == Status.rest) or not is_one_of(reached.status, *SETTLED):
         return bool(reached.status == steady.status)
-    alike = abs(float(reached.amplitude) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
+    alike = abs(float(reached.settled_tilt) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
     # A motion that was only followed until it repeated may have a multiple of its period.
     return alike and int(reached.periods) % int(steady.periods) == 0
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 
-from tpd.answers.steady_state import Steady, steady_state
+from tpd.answers.steady_state import steady_state
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import Progress, shown
@@ -202,7 +202,8 @@ def objections(amplitude: float, swing: float, status: str, limit: float, withou
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
     """Return (amplitude, swing, status) with the nonlinear equations from rest, without derivatives."""
-    return _sizes_of(follow(Terms.nonlinear, row_of(p), HarmonicForcing()))
+    run = follow(Terms.nonlinear, row_of(p), HarmonicForcing())
+    return float(run.settled_tilt), float(run.settled_swing), status_name(run.status)
 
 
 def _timed(name: str, p: Parameters) -> Answer:
@@ -241,11 +242,8 @@ def _balanced(p: Parameters) -> _Sizes:
 def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
     # The smoothed models need Newton's method, because following alone gives their largest angles only at
     # samples. For the exact model `optimise` has usually compiled it already.
-    return _sizes_of(jax.block_until_ready(steady_state(p, model=model)))
-
-
-def _sizes_of(settled: Settled | Steady) -> _Sizes:
-    return float(settled.amplitude), float(settled.swing), status_name(settled.status)
+    steady = jax.block_until_ready(steady_state(p, model=model))
+    return float(steady.amplitude), float(steady.swing), status_name(steady.status)
 
 
 class _Model(NamedTuple):

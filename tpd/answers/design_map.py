@@ -254,21 +254,21 @@ def _followed(
 ) -> dict[str, np.ndarray]:
     """Return the answers from an initial state: the angles of the orbit reached, or of the motion itself."""
     n = len(np.asarray(p.nu))
-    settled = follow(Terms.linear, row_of(p), HarmonicForcing(), y0=np.tile(y0, (n, 1)), **options)
-    codes = np.asarray(code_of(settled.status))
+    run = follow(Terms.linear, row_of(p), HarmonicForcing(), y0=np.tile(y0, (n, 1)), **options)
+    codes = np.asarray(code_of(run.status))
     # An undamped bob swings for ever, and its swing depends on how the block came to rest. A damped bob has
     # the steady swing of the closed form.
-    swing = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, settled.swing)
+    swing = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, run.settled_swing)
     scale = np.asarray(jax.vmap(scale_of)(p))
     # A followed motion ends near its orbit, but not on it. The amplitude and swing of the orbit are exact.
-    apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
+    apart = np.abs(np.asarray(orbits.state) - np.asarray(run.state)[:, None]) / scale[:, None]
     rocking = code_of(Status.rocking)
     apart = np.where(np.asarray(code_of(orbits.status)) == rocking, apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)
-    alike = (codes == rocking) & (np.asarray(settled.periods) == 1)
+    alike = (codes == rocking) & (np.asarray(run.periods) == 1)
     on = alike & (apart[np.arange(n), nearest] < _MATCH)
     return {
-        "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], settled.amplitude),
+        "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], run.settled_tilt),
         "swing": np.where(on, orbits.swing[np.arange(n), nearest], swing),
         "status": codes,
         "exact": on | is_one_of(codes, Status.rest, Status.overturned),

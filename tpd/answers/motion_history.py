@@ -9,7 +9,7 @@ import numpy as np
 
 from tpd.answers.run_table import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
-from tpd.compiled.columns import SHAKEN, SLIP
+from tpd.compiled.columns import SLIP, STATUSES
 from tpd.compiled.trajectories import history
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
@@ -137,7 +137,7 @@ def motion_history(
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     motion = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
-    states, status = motion.states, getattr(Status, SHAKEN[motion.status])
+    states, status = motion.states, getattr(Status, STATUSES[motion.status])
     # The equations have no meaning after the block has reached the ground.
     if status == Status.overturned:
         # From the first time at which the tilt is no longer below a right angle, all rows are NaN.

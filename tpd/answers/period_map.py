@@ -16,7 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from tpd.compiled.columns import LAST_STEP, NEWTON_STEPS, RESIDUAL
-from tpd.compiled.simulate import Settled
+from tpd.compiled.simulate import Run
 from tpd.models.base import AbstractFlow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
@@ -82,7 +82,7 @@ class _Iteration(NamedTuple):
     """Number of steps so far."""
 
 
-def refine(p: Parameters, model: AbstractFlow, reached: Settled, code: Any) -> Orbit:
+def refine(p: Parameters, model: AbstractFlow, reached: Run, code: Any) -> Orbit:
     """Solve for the periodic orbit near the motion that following has reached.
 
     Args:
@@ -108,14 +108,14 @@ def refine(p: Parameters, model: AbstractFlow, reached: Settled, code: Any) -> O
         return _Iteration(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
     # Before the first run the error is infinite, so that every run is better.
-    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([reached.amplitude, reached.swing])
+    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([reached.settled_tilt, reached.settled_swing])
     rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
-    none = Orbit(reached.y, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
-    first = _Iteration(reached.y, reached.memory, none, jnp.zeros((), int))
+    none = Orbit(reached.state, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
+    first = _Iteration(reached.state, reached.memory, none, jnp.zeros((), int))
     return jax.lax.while_loop(goes_on, step, first).best
 
 
-def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
+def _linearised(p: Parameters, model: AbstractFlow, settled: Run) -> _Along:
     """Return a function that runs the periods of a motion from a state, with all derivatives (traced)."""
     flat, unflatten = ravel_pytree(p)
     # The angle and the rate of the bob count for the residual if the block feels them, or if they decay.

@@ -15,7 +15,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.compiled.calling import LINEAR, numbers_in, parts, shape
-from tpd.compiled.columns import STEADY_STATUSES
+from tpd.compiled.columns import STATUSES, STEADY
 from tpd.compiled.derivatives import with_slopes
 from tpd.compiled.rows import packed, row_of
 from tpd.compiled.simulate import EVENTS, REST_RATES
@@ -134,14 +134,14 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_rate: float) -> PeriodicOrbit:
-    entry, x = LINEAR.entry(), row_of(as_arrays(single(p)))
+    x = row_of(as_arrays(single(p)))
     settings = LINEAR.settings("ORBIT", periods=periods, events=events, rest_rate=rest_rate)
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
     is_plain = all(map(checks.is_concrete, inputs))
     call, row = (LINEAR.on_host, settings) if is_plain else (LINEAR, packed(map(stop_gradient, settings)))
-    (record,) = call((shape(numbers_in(entry.STEADY)),), row, *inputs[:2])
-    fields = parts(record, entry.STEADY)
+    (record,) = call((shape(numbers_in(STEADY)),), row, *inputs[:2])
+    fields = parts(record, STEADY)
     # Slopes are real numbers, so that complex numbers are divided into their two parts.
     numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])
     # If the parameters are a NumPy array, JAX does not differentiate with respect to them.
@@ -152,7 +152,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
     *both, fold = numbers[_SIZES:]
     # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
-    names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)
+    names = ("no_orbit" if name == "not_settled" else name for name in STATUSES)
     status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[fields.status.astype(int)]
     return PeriodicOrbit(
         status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [status]),

@@ -12,15 +12,15 @@ import numpy as np
 from tpd.answers.statistics import Share
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled import simulate
-from tpd.compiled.columns import LAM, MU, NU, SHAKEN, F
+from tpd.compiled.columns import LAM, MU, NU, F
 from tpd.compiled.rows import ground_row_of
-from tpd.compiled.simulate import GroundForcing, HarmonicForcing, Settled
+from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
-from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, codes_of, is_one_of, names_of
+from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, is_one_of, names_of
 from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
@@ -32,12 +32,8 @@ _QUANTILES = {
     "settled tilt, rad": "settled_tilt",
     "bob's angle, rad": "swing",
 }
-_KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_swing": "swing", "swing": "settled_swing"}
-"""Angles by their keys in JSON."""
 UNANSWERED_ROW = "runs without an answer"
 """Label of the number of runs without an answer, in tables."""
-_SHAKEN = codes_of(SHAKEN)
-"""Numbers of outcomes, by the numbers that compiled code uses under ground motions."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""
 _PIECES = 1 << 21
@@ -210,7 +206,7 @@ class Runs(Printed, Tabular):
             "equations": self.equations.value,
             "undecided": int(self.is_unanswered.sum()),
             "shares": shares,
-            "quantiles_50_90_99": {key: self.quantiles(angle) for key, angle in _KEYS.items()},
+            "quantiles_50_90_99": {angle: self.quantiles(angle) for angle in ANGLES[:4]},
         }
 
     def rows(self) -> list[tuple[str, str]]:
@@ -325,23 +321,12 @@ def _results(
     """
     forcing = forcing._replace(**{name: x for name, x in batch.items() if name in forcing._fields})
     settings = {"y0": batch["y0"], "workers": workers, "progress": progress}
-    motions = simulate.follow(equations, batch["rows"], forcing, **settings, **limits)
-    if isinstance(motions, Settled):
-        # `amplitude` and `swing` are those of the settled motion; `peak` and `peak_swing` include the
-        # transient.
-        sizes = motions.peak, motions.amplitude, motions.peak_swing, motions.swing
-        # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound of it.
-        sizes += motions.peak_swing + motions.peak, motions.swing + motions.amplitude
-        outcome, impacts = code_of(motions.status), np.full_like(motions.peak, np.nan)
-    else:
-        # A run under a ground motion has no steady state. Its largest angles take the place of the settled.
-        sizes = (motions.tilt,) * 2 + (motions.swing,) * 2 + (motions.relative,) * 2
-        outcome, impacts = _SHAKEN[motions.status.astype(int)], motions.impacts
-    # Overturned runs have infinite angles. Runs without an answer have NaN, see `Runs`.
+    run = simulate.follow(equations, batch["rows"], forcing, **settings, **limits)
+    outcome = code_of(run.status)
     unanswered = is_one_of(outcome, *UNANSWERED)
-    numbers = zip((*ANGLES, "impacts"), (*sizes, impacts), strict=True)
-    results = {name: np.where(unanswered, np.nan, x) for name, x in numbers}
-    return results | {"outcome": outcome.astype(np.int8)}
+    # Overturned runs have infinite angles. Runs without an answer have NaN, see `Runs`.
+    numbers = {n: np.where(unanswered, np.nan, getattr(run, n)) for n in (*ANGLES, "impacts")}
+    return numbers | {"outcome": outcome.astype(np.int8)}
 
 
 def rows_of(

@@ -25,11 +25,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
-from tpd.compiled.calling import LINEAR, parts
-from tpd.compiled.columns import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
+from tpd.compiled.calling import parts
+from tpd.compiled.columns import GRAZING, NEAR_FOLD, RESIDUAL, STATUSES, STEADY, SYMMETRIC, is_neutral
 from tpd.compiled.derivatives import joined, refused
 from tpd.compiled.rows import numbers_of, packed
-from tpd.compiled.simulate import Settled, solve
+from tpd.compiled.simulate import Run, solve
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, AbstractModel
@@ -47,7 +47,7 @@ from tpd.scene.status import (
     status_name,
 )
 
-_STATUSES = codes_of(STEADY_STATUSES)
+_STATUSES = codes_of(STATUSES)
 """Numbers of the statuses of this package, by the numbers that compiled code uses."""
 INEXACT = 0.05
 """Relative error of a smoothed amplitude above which the status is `inexact`."""
@@ -386,7 +386,7 @@ def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
 
 def _answer(out: Any) -> tuple[_Answer, Any]:
     """Return the answer in a record of compiled code, and the slopes of amplitude, swing and state."""
-    record = LINEAR.entry().STEADY
+    record = STEADY
     if isinstance(out, np.ndarray):
         # The first row of a structured view has NumPy numbers, and not arrays without axes.
         fields: Any = _record_type(record)._make(out.view(record)[0])
@@ -425,12 +425,12 @@ _solved_by = jax.jit(_solve, static_argnums=1)
 _solved_with = eqx.filter_jit(_solve)
 
 
-def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
+def _compare(answer: _Answer, exact: Run | None) -> _Answer:
     """Return the answer of a smoothed model with its difference from the exact motion."""
     if exact is None:
         return answer
     (code,) = jax.tree.leaves(exact.status)
-    amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.amplitude)
+    amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.settled_tilt)
     # The difference is zero if both motions rest or both overturn, and infinite if only one does.
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
     is_answered = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
@@ -439,7 +439,7 @@ def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
     return answer._replace(status=status, estimate=jnp.where(is_answered, error, jnp.nan))
 
 
-def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_Answer, Array]:
+def _evaluate(p: Parameters, model: AbstractFlow, reached: Run) -> tuple[_Answer, Array]:
     """Return the answer for the motion that following has reached, and the slopes of its sizes and state.
 
     The slopes are those of amplitude, swing and state with respect to the parameters. Slopes that do not
@@ -475,7 +475,7 @@ def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_An
     return _Answer(sizes[0], sizes[1], *rest), slopes
 
 
-def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
+def _sizes_of(p: Any, reached: Run, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
     """Return (amplitude, swing), and the slopes of these and of the state where they exist."""
     rests = status == code_of(Status.rest)
     # An undamped bob under a block at rest swings for ever and is on no orbit, but its swing is known.
@@ -484,7 +484,7 @@ def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: A
     # On an isolated orbit one more Newton step improves the sizes. Elsewhere I - DP may be singular, and the
     # sizes are those of the orbit before this step.
     unknown = jnp.full(2, jnp.nan)
-    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([reached.amplitude, reached.swing]))
+    last = PL
     sizes, slopes = implicit(orbit)
     last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
     last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.compiled.calling import ORBITS as ENGINE
 from tpd.compiled.calling import parts
-from tpd.compiled.columns import ASKED, SIZES, STATUSES
+from tpd.compiled.columns import ASKED, ORBIT_STATUSES, SIZES
 from tpd.compiled.derivatives import moved, once
 from tpd.compiled.orbits import slopes, solve_orbits, solved
 from tpd.compiled.rows import row_of
@@ -174,7 +174,7 @@ def _fields(numbers: Any) -> dict[str, Any]:
     """Return the fields of `Orbits` and `Margins` by name, from the numbers of orbits (..., 3, numbers)."""
     orbits = parts(numbers, ENGINE.entry().ORBIT)
     # Compiled code has its own numbers of statuses, which are indices of `index`.
-    index, codes = codes_of(STATUSES), orbits.status.astype(int)
+    index, codes = codes_of(ORBIT_STATUSES), orbits.status.astype(int)
     # With strict types JAX adds no real number to a complex one.
     pairs = orbits.multipliers.astype(complex)
     return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {

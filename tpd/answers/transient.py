@@ -13,10 +13,10 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Float, Int
 
-from tpd.compiled.columns import GRAZING, ROCKED, SHAKEN, STOOD
+from tpd.compiled.columns import GRAZING
 from tpd.compiled.derivatives import refused
 from tpd.compiled.rows import ground_row_of
-from tpd.compiled.simulate import Followed, GroundForcing, follow
+from tpd.compiled.simulate import GroundForcing, Run, follow
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
 from tpd.models.base import AbstractModel
@@ -25,7 +25,7 @@ from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status, code_of, codes_of, status_name, status_of
+from tpd.scene.status import STANDING, Status, code_of, is_one_of, status_name, status_of
 
 FREE = 20.0
 """Default duration of the free motion that is followed after a ground motion, s."""
@@ -51,8 +51,8 @@ class Transient(eqx.Module):
     Attributes:
         tilt: largest |phi|, rad; infinite if the block overturns.
         swing: largest |psi|, rad; 0 without a pendulum.
-        relative: largest |psi - phi|, rad; 0 without a pendulum.
-        tilt_time, swing_time, relative_time: times at which these angles are reached, s.
+        rod_angle: largest |psi - phi|, rad; 0 without a pendulum.
+        tilt_time, swing_time, rod_angle_time: times at which these angles are reached, s.
         impacts: number of impacts on the base.
         uplift_time: time of the first uplift, s; infinite if the block stays on its base.
         overturning_time: time from which the block cannot return, s; infinite if it does not overturn.
@@ -64,13 +64,13 @@ class Transient(eqx.Module):
     """Largest |phi|, rad; infinite if the block overturns."""
     swing: Number
     """Largest |psi|, the angle of the rod from the vertical, rad; 0 without a pendulum."""
-    relative: Number
+    rod_angle: Number
     """Largest |psi - phi|, the angle between rod and block, rad; 0 without a pendulum."""
     tilt_time: Number
     """Time at which the largest |phi| is reached, s."""
     swing_time: Number
     """Time at which the largest |psi| is reached, s."""
-    relative_time: Number
+    rod_angle_time: Number
     """Time at which the largest |psi - phi| is reached, s."""
     impacts: Int[Any, "..."]
     """Number of impacts on the base. All impacts of a rattling motion count until the block is set to rest.
@@ -94,7 +94,7 @@ class Transient(eqx.Module):
             return repr(self)
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
         has_pendulum = float(self.swing) != 0.0
-        for name in ("tilt", "swing", "relative") if has_pendulum else ("tilt",):
+        for name in ("tilt", "swing", "rod_angle") if has_pendulum else ("tilt",):
             at = f"at {getattr(self, name + '_time'):.4g} s"
             lines.append(f"  {name:9s} {getattr(self, name):.6g} rad {at}")
         lines.append(f"  impacts   {int(self.impacts)}, including all impacts of a rattling motion")
@@ -169,12 +169,13 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
 
     `bob` is 0 without a pendulum and 1 with it. `xp` is NumPy if all numbers are known, otherwise JAX.
     """
-    code = xp.asarray(run.status).astype(int)
+    code = code_of(run.status)
+    rocked = code == code_of(Status.rocked)
     # A motion that touches an event has one event more on one side of these parameters, and no derivative.
-    touched = (code == ROCKED) & (run.transversality < GRAZING)
+    touched = rocked & (run.transversality < GRAZING)
     # Only these outcomes have derivatives.
-    sound = ((code == ROCKED) | (code == STOOD)) & ~touched
-    status = xp.where(touched, code_of(Status.grazing), xp.asarray(codes_of(SHAKEN))[code])
+    sound = is_one_of(code, *STANDING) & ~touched
+    status = xp.where(touched, code_of(Status.grazing), code)
     # Without a pendulum the equations have a bob that is too light to act on the block. Its angles are
     # replaced by zero.
     has_angle = xp.array([1.0, bob, bob])
@@ -190,13 +191,13 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     return Transient(
         tilt=kept(run.tilt, sound),
         swing=kept(run.swing if bob else xp.zeros_like(run.swing), sound),
-        relative=kept(run.relative if bob else xp.zeros_like(run.relative), sound),
+        rod_angle=kept(run.rod_angle if bob else xp.zeros_like(run.rod_angle), sound),
         tilt_time=times[..., 0],
         swing_time=times[..., 1],
-        relative_time=times[..., 2],
+        rod_angle_time=times[..., 2],
         impacts=xp.asarray(run.impacts).astype(int),
-        uplift_time=seconds(run.lifted, has_uplift_slope),
-        overturning_time=seconds(run.fell, sound),
+        uplift_time=seconds(run.uplift_time, has_uplift_slope),
+        overturning_time=seconds(run.overturning_time, sound),
         state=kept(run.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
         status=status_of(status.astype(np.int32)),
     )
@@ -226,7 +227,7 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
-def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Followed:
+def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Run:
     """Follow the motion of a model.
 
     Raises:

@@ -27,13 +27,13 @@ _QUANTITIES = {
     "tilt_time": "  at time, s",
     "swing": "largest swing of the rod, rad",
     "swing_time": "  at time, s",
-    "relative": "largest angle between rod and block, rad",
-    "relative_time": "  at time, s",
+    "rod_angle": "largest angle between rod and block, rad",
+    "rod_angle_time": "  at time, s",
     "uplift_time": "time of the first uplift, s",
     "overturning_time": "time of overturning, s",
 }
 """Attributes of a motion that are printed, with their labels in the table."""
-_OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
+_OF_A_PENDULUM = ("swing", "swing_time", "rod_angle", "rod_angle_time")
 
 
 def run(options: argparse.Namespace, case: common.Case) -> int:

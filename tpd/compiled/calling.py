@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.compiled import compiling
+from tpd.compiled.columns import RUN
 from tpd.compiled.rows import row_of
 from tpd.core.batch import PIECE, shared
 from tpd.scene.parameters import Parameters
@@ -37,13 +38,16 @@ def numbers_in(record: np.dtype) -> int:
     return record.itemsize // 8
 
 
-def parts(numbers: Any, record: np.dtype) -> Any:
-    """Return the fields of records of floats as attributes of one object.
+def parts(numbers: Any, record: np.dtype) -> SimpleNamespace:
+    """Return the fields of records as attributes of one object.
 
-    `numbers` has shape (..., n), with one record in its last axis. A field with complex numbers gets one more
-    axis of length 2, for the real and the imaginary part.
+    `numbers` has records, or floats of shape (..., n) with one record in the last axis. In floats a
+    field with complex numbers gets one more axis of length 2, for the real and the imaginary part.
     """
-    answer, fields = {}, cast("Any", record.fields)
+    fields = cast("Any", record.fields)
+    if numbers.dtype == record:
+        return SimpleNamespace(**{name: numbers[name] for name in fields})
+    answer = {}
     for name, (kind, begin) in fields.items():
         # NumPy counts in bytes, and every number of a record has eight of them.
         place = begin // 8
@@ -190,7 +194,7 @@ _TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, r
 def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """Return the trial call of a run over one forcing period."""
     settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
-    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
+    return (shape(numbers_in(RUN)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 
 def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from tpd.scene.parameters import NAMES
 
 SLIP, STICK, REST = range(3)
@@ -22,16 +24,41 @@ K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
 """Columns of the parameters in a row."""
 WIDTH = len(NAMES)
 """Number of parameters."""
-STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
+ORBIT_STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses of symmetric orbits, by their numbers in compiled code."""
-ENDS = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
-"""Names of the statuses of a run under a harmonic, by their numbers in compiled code."""
-STEADY_STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
-"""Names of the statuses of a steady state, by their numbers in compiled code."""
-SHAKEN = ("stood", "rocked", "overturned", "event_bound", "failed")
-"""Names of the statuses of a run under a pulse or a record, by their numbers in compiled code."""
-STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+STATUSES = (
+    *("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed"),
+    *("aperiodic", "unstable", "neutral", "near_fold", "grazing", "stood", "rocked"),
+)
+"""Names of the statuses of runs and of steady states, by their numbers in compiled code."""
+ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
+APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS, STOOD, ROCKED = range(8, 15)
 """Numbers of these statuses."""
+RUN = np.dtype(
+    [
+        *((name, np.float64) for name in ("tilt", "settled_tilt", "swing", "settled_swing", "rod_angle")),
+        ("settled_rod_angle", np.float64),
+        ("times", np.float64, (3,)),
+        ("state", np.float64, (6,)),
+        *((name, np.float64) for name in ("status", "periods", "elapsed", "growing", "impacts")),
+        *((name, np.float64) for name in ("uplift_time", "overturning_time", "transversality")),
+    ]
+)
+"""Results of a run, see `tpd.compiled.simulate.Run`. The accelerations follow in `state`."""
+STEADY = np.dtype(
+    [
+        *((name, np.float64) for name in ("amplitude", "swing")),
+        ("y", np.float64, (4,)),
+        *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
+        *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
+        ("multipliers", np.complex128, (4,)),
+        ("by", np.float64, (6, WIDTH)),
+    ],
+    align=True,
+)
+"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
+`tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
+parameters. A derivative that does not exist is NaN."""
 TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
 """Indices of the functions that vanish at an orbit (its two conditions) and where orbits are lost, see
 `tpd.compiled.symmetric_orbit_kernel.vanishing`."""

@@ -11,8 +11,6 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
-import numpy as np
-
 from tpd.compiled.arcs import (
     Signal,
     arc_from,
@@ -79,18 +77,6 @@ from tpd.compiled.whole_pieces import store_maps, whole_pieces
 ARRIVED, BEYOND, EXHAUSTED = range(3)
 """Outcomes of a part of a run: it arrived at its end; the tilt is beyond return; or the bound on events was
 reached."""
-_COUNTED = "growing", "status", "impacts", "uplift_time", "overturn_time", "transversality", "legs"
-FOLLOWED = np.dtype(
-    [
-        *((name, np.float64, (3,)) for name in ("sizes", "times")),
-        ("state", np.float64, (6,)),
-        *((name, np.float64) for name in _COUNTED),
-    ]
-)
-"""Results of a run through a ground motion: the largest |phi|, |psi| and |psi - phi| (`sizes`) and their
-times; the state at the end with its accelerations; the growing coordinate of the last leg (only with
-derivatives); the status; the number of impacts; the times of the first uplift and of overturning; the
-transversality; the number of legs."""
 Rules = namedtuple("Rules", "capture bob relative brief")
 """Options of a simulation: `capture`, the largest speed |phi'| of an impact that may end in rest; `bob`,
 whether turning points of the bob are events; `relative`, whether turning points of psi - phi are events;
@@ -394,13 +380,17 @@ def follow_ground_motion(x, q, f, m, legs, w, s):
 
 @compiled
 def store_results(m, status, out):
-    """Write the counters, the state and the status of a run into the record `out` (`FOLLOWED`)."""
+    """Write the results of a run under a ground motion into the record `out` (`tpd.compiled.columns.RUN`)."""
+    out.tilt, out.swing, out.rod_angle = largest(m, TILT), largest(m, SWING), largest(m, APART)
+    if status == OVERTURNED:
+        out.tilt = out.swing = out.rod_angle = math.inf
+    # The run has no steady state. Its largest angles take the place of the settled ones.
+    out.settled_tilt, out.settled_swing, out.settled_rod_angle = out.tilt, out.swing, out.rod_angle
     for k in range(3):
         # Of the two sides of each angle only the larger one is a result.
-        out.sizes[k] = largest(m, k) if status != OVERTURNED else math.inf
         out.times[k] = m.peak_times[larger_side(m, k)]
     copy_to(m.y, out.state)
-    out.growing, out.status = 0.0, status
-    out.impacts, out.uplift_time, out.overturn_time = m.impacts, m.uplift_time, m.overturn_time
-    out.transversality, out.legs = m.transversality, m.n_legs
+    out.status, out.periods, out.elapsed, out.growing = status, 1.0, 0.0, 0.0
+    out.impacts, out.uplift_time, out.overturning_time = m.impacts, m.uplift_time, m.overturn_time
+    out.transversality = m.transversality
     out.state[TILT_PULL] = out.state[SWING_PULL] = 0.0

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from tpd.compiled.arcs import Load, arc_from, beginning, state_at
-from tpd.compiled.columns import SWING_PULL, TILT_PULL
+from tpd.compiled.columns import RUN, STEADY, SWING_PULL, TILT_PULL
 from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import (
     API_VERSION,
@@ -24,7 +24,7 @@ from tpd.compiled.custom_call import (
     view,
 )
 from tpd.compiled.custom_call import FIELDS as FIELDS
-from tpd.compiled.follow import FOLLOWED, follow_ground_motion, store_results
+from tpd.compiled.follow import follow_ground_motion, store_results
 from tpd.compiled.legs import (
     ANGLES,
     GROWING,
@@ -44,11 +44,10 @@ from tpd.compiled.legs import (
     store_states,
 )
 from tpd.compiled.motion import FIRST_PIECE, LEG, YES, copy_to, larger_side
-from tpd.compiled.period_map import RUN, new_buffers, records_of
+from tpd.compiled.period_map import SIMULATED, new_buffers, records_of
 from tpd.compiled.plant import compiled, fill_plants
-from tpd.compiled.repetition import SETTLED
 from tpd.compiled.settle import settle
-from tpd.compiled.steady import STEADY, steady_state
+from tpd.compiled.steady import steady_state
 from tpd.compiled.trajectory import trajectory
 from tpd.core.machine_code import stored
 
@@ -63,10 +62,10 @@ def _settle(a, first, last, buffers):
     """Compute rows of the task SETTLE, see `settle`.
 
     Operands: settings, parameters, initial states, and begin and ramp of each run. Results: records
-    `SETTLED`.
+    `RUN`.
     """
     (s, x, y), (_, _, _, times, results, _, _, _) = inputs_of(a, last), addresses_in(a)
-    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
+    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), RUN), buffers.motions[SIMULATED]
     for n in range(first, last):
         copy_to(y[n], m.y)
         settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
@@ -123,7 +122,7 @@ def _follow_ground(a, first, last, history, buffers):
     """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
 
     Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
-    `FOLLOWED`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
+    `RUN`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
     statuses.
     """
     (s, x, y), (_, _, _, forcing, results, by, arrivals, ends) = inputs_of(a, last), addresses_in(a)
@@ -149,7 +148,7 @@ def _follow_ground(a, first, last, history, buffers):
             store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
             view(ends, (last,), np.float64)[n] = status
             continue
-        out = view(results, (last,), FOLLOWED)[n]
+        out = view(results, (last,), RUN)[n]
         store_results(m, status, out)
         # The accelerations at the end, where no forcing acts.
         arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

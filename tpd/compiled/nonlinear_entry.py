@@ -16,10 +16,30 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.compiled import follow, repetition
 from tpd.compiled import nonlinear_series as series
+from tpd.compiled import repetition
 from tpd.compiled.arcs import forcing_at, load_at, span_of, steady
-from tpd.compiled.columns import REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
+from tpd.compiled.columns import (
+    AT_REST,
+    EVENT_BOUND,
+    FAILED,
+    NOT_SETTLED,
+    OVERTURNED,
+    REST,
+    ROCKED,
+    ROCKING,
+    RUN,
+    SLIP,
+    STEADY,
+    STICK,
+    STICKING,
+    STOOD,
+    SWING,
+    SWING_RATE,
+    SYMMETRIC,
+    TILT,
+    TILT_RATE,
+)
 from tpd.compiled.compiling import checksum
 from tpd.compiled.contact_kernel import bob_change, mode_of, sign, velocity_ratio
 from tpd.compiled.custom_call import (
@@ -34,7 +54,7 @@ from tpd.compiled.custom_call import (
     rows_of,
     view,
 )
-from tpd.compiled.follow import ARRIVED, BEYOND, EXHAUSTED, FOLLOWED, forcing_now, store_results
+from tpd.compiled.follow import ARRIVED, BEYOND, EXHAUSTED, forcing_now, store_results
 from tpd.compiled.motion import (
     FIRST_PIECE,
     MOTION,
@@ -51,12 +71,11 @@ from tpd.compiled.motion import (
 )
 from tpd.compiled.period_map import set_motion
 from tpd.compiled.plant import PLANT, compiled, part
-from tpd.compiled.repetition import LONGEST, NEWEST, SETTLED
-from tpd.compiled.steady import STEADY
+from tpd.compiled.repetition import LONGEST, NEWEST
 from tpd.compiled.trajectory import ROUNDING
 from tpd.core.machine_code import stored
 
-__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "STEADY", "run"]
+__all__ = ["CALL", "SETTINGS", "run"]
 
 SETTLE, GROUND, STEADY_STATE, TRAJECTORY = range(4)
 """Tasks, which are the first number of every row of settings. Operands and results are those of
@@ -339,9 +358,9 @@ def _settle(q, m, w, s, since, ramp, trial, out):
     f, ramp_end = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
-    count, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
+    count, status, repeats, elapsed = (1 if since == 0.0 else 0), NOT_SETTLED, 0, 0
     wait, rest_swing = 0, math.nan
-    while elapsed < s.periods and status == repetition.NOT_SETTLED:
+    while elapsed < s.periods and status == NOT_SETTLED:
         if elapsed > 0:
             f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, ramp_end, events)
@@ -358,20 +377,20 @@ def _settle(q, m, w, s, since, ramp, trial, out):
             rest_swing = _settled_swing(q, m, w, scales, int(s.periods) - elapsed, trial, peaks)
             wait = elapsed + _STEPS
         if ended == NOT_FINITE or not is_finite(y):
-            status = repetition.FAILED
+            status = FAILED
         elif ended != ARRIVED:
-            status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
+            status = OVERTURNED if ended == BEYOND else EVENT_BOUND
         elif repeats > 0 and not was_held:
-            status = repetition.ROCKING
+            status = ROCKING
         elif was_held and q.zeta == 0.0 and q.mu > 0.0:
             # An undamped bob may repeat only after several periods.
-            status, rest_swing = repetition.AT_REST, 0.0
+            status, rest_swing = AT_REST, 0.0
             for j in range(repeats):
                 rest_swing = max(rest_swing, past[j].swing)
         elif math.isfinite(rest_swing) or (is_still and q.mu == 0.0):
             # The block is at rest under a massless bob whether or not its swing is known.
-            status, peaks[SWING] = repetition.AT_REST, peaks[SWING] + 0.0 * rest_swing
-    if status == repetition.AT_REST:
+            status, peaks[SWING] = AT_REST, peaks[SWING] + 0.0 * rest_swing
+    if status == AT_REST:
         past[NEWEST].swing = rest_swing
     repetition.store_settled(status, repeats, elapsed, m, past, peaks, out)
 
@@ -401,12 +420,12 @@ def _steady_state(q, m, w, s, trial, settled, out):
     """
     _settle(q, m, w, s, 0.0, 0.0, trial, settled)
     status = int(settled.status)
-    copy_to(settled.y, out.y)
-    out.amplitude, out.swing = settled.amplitude, settled.swing
+    copy_to(m.y, out.y)
+    out.amplitude, out.swing = settled.settled_tilt, settled.settled_swing
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     out.by[:] = math.nan
-    rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
+    rocks = status in (ROCKING, STICKING) and int(settled.periods) % 2 == 1
     out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
 
 
@@ -416,7 +435,7 @@ def _trajectory(q, m, w, s, times, out):
 
     The states at all times are written into `out`. They are NaN after the end of the run.
     """
-    y, f, status = m.y, steady(np.empty((0, 4))), repetition.ROCKING
+    y, f, status = m.y, steady(np.empty((0, 4))), ROCKING
     _scaled(q, w)
     reset_counts(m)
     reset_angles(m)
@@ -427,18 +446,18 @@ def _trajectory(q, m, w, s, times, out):
     m.events = int(s.events)
     for n in range(len(times)):
         last = math.floor(times[n] / w.period + ROUNDING)
-        while status == repetition.ROCKING and (period < last or t < times[n] - last * w.period):
+        while status == ROCKING and (period < last or t < times[n] - last * w.period):
             end = w.period if period < last else times[n] - last * w.period
             ended = advance(q, f, m, w, FIRST_PIECE, t, end)
             t = end
             if period < last:
                 period, t, m.events = period + 1, 0.0, int(s.events)
             if ended == NOT_FINITE or not is_finite(y):
-                status = repetition.FAILED
+                status = FAILED
             elif ended != ARRIVED:
-                status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
+                status = OVERTURNED if ended == BEYOND else EVENT_BOUND
         for i in range(4):
-            out[n, i] = y[i] if status == repetition.ROCKING else math.nan
+            out[n, i] = y[i] if status == ROCKING else math.nan
     return status
 
 
@@ -469,29 +488,29 @@ def _follow_once(q, f, m, w, s):
         ended = advance(q, f, m, w, i, 0.0, span_of(q, f) if i < f.pieces else s.free)
         i += 1
     if ended == NOT_FINITE or not is_finite(y):
-        return follow.FAILED
+        return FAILED
     if ended != ARRIVED:
-        return follow.OVERTURNED if ended == BEYOND else follow.EVENT_BOUND
-    return follow.STOOD if m.uplift_time == math.inf else follow.ROCKED
+        return OVERTURNED if ended == BEYOND else EVENT_BOUND
+    return STOOD if m.uplift_time == math.inf else ROCKED
 
 
 @part
 def _run(a, first, last):
     """Compute rows of a task. Each row has its settings, parameters and initial state.
 
-    The other buffers, operands first, are: for SETTLE begin and ramp, and records `SETTLED`; for STEADY_STATE
-    records `STEADY`; for TRAJECTORY times, states and statuses; for GROUND pieces and records `FOLLOWED`.
+    The other buffers, operands first, are: for SETTLE begin and ramp, and records `RUN`; for STEADY_STATE
+    records `STEADY`; for TRAJECTORY times, states and statuses; for GROUND pieces and records `RUN`.
     Numbers that this model does not compute are NaN.
     """
     (s, x, start), (_, _, _, extra, results, ends, _, _) = inputs_of(a, last), addresses_in(a)
     plants, motions, works = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(1, series.WORK)
-    spare, count = np.empty(1, SETTLED), int(s[first].periods)
+    spare, count = np.empty(1, RUN), int(s[first].periods)
     q, m, trial, w = plants[0], motions[0], motions[1], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
         copy_to(start[n], m.y)
         if s[n].task == SETTLE:
-            t, settled = view(extra, (last, 2), np.float64), view(results, (last,), SETTLED)
+            t, settled = view(extra, (last, 2), np.float64), view(results, (last,), RUN)
             _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], trial, settled[n])
         elif s[n].task == STEADY_STATE:
             _steady_state(q, m, w, s[n], trial, spare[FIRST_PIECE], view(extra, (last,), STEADY)[n])
@@ -500,7 +519,7 @@ def _run(a, first, last):
             states = view(results, (last, count, 4), np.float64)
             view(ends, (last,), np.float64)[n] = _trajectory(q, m, w, s[n], times[n], states[n])
         else:
-            out = view(results, (last,), FOLLOWED)[n]
+            out = view(results, (last,), RUN)[n]
             store_results(m, _follow_once(q, pieces(extra, s[n], n), m, w, s[n]), out)
             out.growing = out.transversality = math.nan
     # A record does not keep its array alive, and Numba frees an array after its last use.

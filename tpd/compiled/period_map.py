@@ -18,7 +18,16 @@ import numpy as np
 
 from tpd.compiled import repetition
 from tpd.compiled.arcs import arc_from, instant, load_at, span_of, state_at, steady
-from tpd.compiled.columns import LAST_STEP, NEWTON_STEPS, RESIDUAL, REST, SLIP, SWING, TILT
+from tpd.compiled.columns import (
+    LAST_STEP,
+    NEWTON_STEPS,
+    RESIDUAL,
+    REST,
+    RUN,
+    SLIP,
+    SWING,
+    TILT,
+)
 from tpd.compiled.events import END
 from tpd.compiled.follow import ARRIVED, Rules, allow_events, follow_piece, start_angles
 from tpd.compiled.half_map_kernel import characteristic, determinants, store_roots
@@ -65,11 +74,11 @@ see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and o
 `tpd.compiled.legs`."""
 Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
 """Arrays of records: one plant; three motions (the one that is simulated, an approaching one, and the start
-of a cycle); one workspace; one reader; two cycles; one record `SETTLED`; and the usual number of legs. A
+of a cycle); one workspace; one reader; two cycles; one record `RUN`; and the usual number of legs. A
 record does not keep its array alive, so that these arrays must live as long as the records are used."""
 BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
-RUN, APPROACHING, CYCLE_START = range(3)
+SIMULATED, APPROACHING, CYCLE_START = range(3)
 """Indices of the motions: the simulated one, one that approaches an orbit, and the start of a cycle."""
 ONLY = np.int64(0)
 """Column of the only right-hand side of a Newton step."""
@@ -79,7 +88,7 @@ ONLY = np.int64(0)
 def new_buffers():
     """Allocate the buffers."""
     plants, motions, workspaces = np.empty(1, PLANT), np.zeros(3, MOTION), np.zeros(1, WORKSPACE)
-    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, repetition.SETTLED), np.empty(LEGS, LEG)
+    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, RUN), np.empty(LEGS, LEG)
     return Buffers(plants, motions, workspaces, np.zeros(1, READER), cycles, settled, legs)
 
 

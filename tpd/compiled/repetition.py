@@ -10,7 +10,18 @@ import math
 import numpy as np
 
 from tpd.compiled.arcs import Forcing, steady
-from tpd.compiled.columns import SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.compiled.columns import (
+    AT_REST,
+    FAILED,
+    HELD,
+    OVERTURNED,
+    ROCKING,
+    STICKING,
+    SWING,
+    SWING_RATE,
+    TILT,
+    TILT_RATE,
+)
 from tpd.compiled.motion import FIRST_PIECE, YES, copy_to
 from tpd.compiled.plant import compiled
 
@@ -18,15 +29,9 @@ NEWEST = np.int64(0)
 """Index of the last period among the stored ones."""
 LONGEST = 8
 """Longest period of a motion that is recognised, in forcing periods."""
-ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
-"""Numbers of the statuses, see `tpd.compiled.columns.ENDS`."""
 PERIOD = np.dtype([("y", np.float64, (4,)), *((n, np.float64) for n in ("tilt", "swing", "hold_level"))])
 """A forcing period: the state `y` at its end, the largest |phi| and |psi|, and the hold level, see
 `tpd.compiled.motion.MOTION`."""
-_NAMES = "amplitude swing peak peak_swing kind tilt direction status periods elapsed"
-SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES.split())])
-"""The motion to which a run has settled, see `tpd.compiled.simulate.Settled`: its state, sizes and peaks, the
-kind and the signs of its mode, the number of its status, its period and the number of simulated periods."""
 
 
 @compiled
@@ -96,7 +101,7 @@ def was_held(past, periods):
 
 @compiled
 def store_settled(status, repeats, elapsed, m, past, peaks, out):
-    """Write the motion to which a run has settled into the record `out`."""
+    """Write the results of a run under a harmonic into the record `out` (`tpd.compiled.columns.RUN`)."""
     # If the motion repeats, only the periods of one repetition count. Earlier periods belong to the
     # transient.
     n_periods = repeats if repeats > 0 else LONGEST
@@ -114,7 +119,10 @@ def store_settled(status, repeats, elapsed, m, past, peaks, out):
         amplitude = swing = peaks[TILT] = peaks[SWING] = math.inf
     if status == FAILED:
         amplitude = swing = peaks[TILT] = peaks[SWING] = math.nan
-    copy_to(m.y, out.y)
-    out.amplitude, out.swing, out.peak, out.peak_swing = amplitude, swing, peaks[TILT], peaks[SWING]
-    out.kind, out.tilt, out.direction = m.kind, m.tilt, m.direction
+    out.times[:] = out.state[:] = math.nan
+    copy_to(m.y, out.state)
+    out.tilt, out.settled_tilt, out.swing, out.settled_swing = peaks[TILT], amplitude, peaks[SWING], swing
+    # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound.
+    out.rod_angle, out.settled_rod_angle = peaks[SWING] + peaks[TILT], swing + amplitude
     out.status, out.periods, out.elapsed = status, max(repeats, 1), elapsed
+    out.growing = out.impacts = out.uplift_time = out.overturning_time = out.transversality = math.nan

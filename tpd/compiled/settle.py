@@ -12,7 +12,20 @@ import numpy as np
 
 from tpd.compiled import repetition
 from tpd.compiled.arcs import span_of, steady
-from tpd.compiled.columns import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.compiled.columns import (
+    AT_REST,
+    EVENT_BOUND,
+    FAILED,
+    NOT_SETTLED,
+    OVERTURNED,
+    REST,
+    ROCKING,
+    STICK,
+    SWING,
+    SWING_RATE,
+    TILT,
+    TILT_RATE,
+)
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
 from tpd.compiled.legs import STATE
@@ -193,16 +206,16 @@ def settle(x, buffers, s, since, ramp, whole, out):
     f, ramp_end = repetition.excitation_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
-    status = repetition.NOT_SETTLED
+    status = NOT_SETTLED
     # A block that starts at rest may rest permanently, which needs no simulation.
     if m.kind == REST and f.rate == 0.0 and _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance):
-        status = repetition.AT_REST
+        status = AT_REST
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
     count, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
     # If the square of an angle overflows, the proofs of the event search fail. Let such a run end as failed.
     if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
         y[TILT] = math.nan
-    while elapsed < s.periods and status == repetition.NOT_SETTLED and is_finite(y):
+    while elapsed < s.periods and status == NOT_SETTLED and is_finite(y):
         if elapsed > 0:
             f, ramp_end = repetition.excitation_in(ramp, period, float(elapsed), 0.0, cubics)
         # The first period may start late.
@@ -219,16 +232,16 @@ def settle(x, buffers, s, since, ramp, whole, out):
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
         count = repetition.store_period(last, 0 if was_growing else count, y, peak, swing, m.hold_level)
         if not sound:
-            status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
+            status = OVERTURNED if ended == BEYOND else EVENT_BOUND
         elif is_resting:
-            status = repetition.AT_REST
+            status = AT_REST
         elif repeats > 0 and not repetition.was_held(last, repeats):
-            status = repetition.ROCKING
+            status = ROCKING
         elif repeats > 0:
-            status = repetition.AT_REST if _repeats_at_rest(q, m, tolerance) else repetition.NOT_SETTLED
+            status = AT_REST if _repeats_at_rest(q, m, tolerance) else NOT_SETTLED
             # A damped bob under a block at rest repeats after one period, whatever the number of periods was
             # before.
-            repeats = 0 if q.zeta > 0.0 or status == repetition.NOT_SETTLED else repeats
+            repeats = 0 if q.zeta > 0.0 or status == NOT_SETTLED else repeats
         elif not is_growing and tolerance >= CONVERGED and elapsed >= wait:
             # The run converges slowly: search for its orbit. If that fails, wait until the run is twice as
             # long.
@@ -237,13 +250,13 @@ def settle(x, buffers, s, since, ramp, whole, out):
                 wait = 2 * elapsed
                 plant_along(x, STATE, r.plants[STATE])
                 if orbit_near(q, m, buffers, past, count, limits, candidate):
-                    status, repeats = repetition.ROCKING, candidate
+                    status, repeats = ROCKING, candidate
                     # A block that sticks at a tilt all the time does not rock.
                     if _is_at_rest(q, m, last[0].tilt, 0.0, tolerance):
-                        status, repeats = repetition.AT_REST, 0
-    if status == repetition.AT_REST:
+                        status, repeats = AT_REST, 0
+    if status == AT_REST:
         begin, remaining = (since if elapsed == 0 else 0.0), int(s.periods) - elapsed
         last[0].swing = _let_bob_settle(buffers, limits, begin, tolerance, remaining, whole, peaks)
-    if status != repetition.OVERTURNED and not is_finite(y):
-        status = repetition.FAILED
+    if status != OVERTURNED and not is_finite(y):
+        status = FAILED
     repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)

@@ -15,15 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jax.lax import stop_gradient
-from jaxtyping import Array, Int
+from jaxtyping import Array
 
 from tpd.compiled.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
-from tpd.compiled.columns import ENDS, TILT_PULL, TILT_RATE, XI
+from tpd.compiled.columns import RUN, STATUSES, STEADY, TILT_PULL, TILT_RATE, XI
 from tpd.compiled.derivatives import moved, once, refused_in
 from tpd.compiled.rows import packed
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
-from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status, codes_of, status_of
 from tpd.theory.equations import Terms
 
@@ -76,64 +75,65 @@ class GroundForcing(NamedTuple):
     """Index into `records` for each run."""
 
 
-class Settled(NamedTuple):
-    """The state to which a run has settled.
+class Run(NamedTuple):
+    """Results of a run, or of a batch of runs: numbers of shape (...).
 
-    It has no derivatives and serves as initial guess for a periodic orbit.
-    """
-
-    y: State
-    """State (phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
-    memory: Any
-    """Internal state of a model that it needs to continue the run. It is None for compiled models."""
-    periods: Int[Array, ""]
-    """Number of forcing periods in one period of the motion."""
-    amplitude: Number
-    """Largest |phi| (rad) of the last periods. This is the result if there is no periodic orbit. All four
-    angles are infinite if the block overturns."""
-    swing: Number
-    """Largest |psi| (rad) of the last periods."""
-    status: Status
-    """Status of the run, one of `tpd.compiled.columns.ENDS`."""
-    elapsed: Int[Array, ""]
-    """Number of forcing periods that were simulated."""
-    peak: Number
-    """Largest |phi| (rad) from the start of the run on."""
-    peak_swing: Number
-    """Largest |psi| (rad) from the start of the run on."""
-
-
-class Followed(NamedTuple):
-    """Results of a run under a ground motion, or of a batch of runs: numbers of shape (...).
-
-    Angles are in rad and times in tau. A batch has NumPy arrays, and a single run has JAX arrays or NumPy
-    numbers.
+    Angles are in rad and times in tau. All angles are infinite if the block overturns. A batch has NumPy
+    arrays, and a single run has JAX arrays or NumPy numbers. A field that the run does not have is NaN, or
+    None for the models that are JAX programs.
     """
 
     tilt: Any
-    """Largest |phi|. It is infinite if the block overturns."""
+    """Largest |phi| of the whole run."""
+    settled_tilt: Any
+    """Largest |phi| of the last periods; under a ground motion that of the whole run."""
     swing: Any
-    """Largest |psi|."""
-    relative: Any
-    """Largest |psi - phi|, the angle between rod and block."""
-    times: Any
-    """Times of these three angles, shape (..., 3)."""
+    """Largest |psi| of the whole run."""
+    settled_swing: Any
+    """Largest |psi| of the last periods; under a ground motion that of the whole run."""
+    rod_angle: Any
+    """Largest |psi - phi|, the angle between rod and block. Under a harmonic the sum of tilt and swing, an
+    upper bound."""
+    settled_rod_angle: Any
+    """Largest |psi - phi| of the last periods, with the same bound under a harmonic."""
     state: Any
-    """State (phi, psi, phi', psi') at the end of the run, shape (..., 4)."""
-    growing: Any
-    """Growing coordinate of the last arc at its start. It is 0 on the border between overturning and falling
-    back, and NaN for the nonlinear equations."""
-    status: Any
-    """Index of the status in `tpd.compiled.columns.SHAKEN`."""
-    impacts: Any
+    """State (phi, psi, phi', psi') at the end, shape (..., 4). Under a harmonic this is after a whole number of
+    forcing periods. The state serves as initial guess for a periodic orbit."""
+    status: Status
+    """Outcome of the run."""
+    periods: Any
+    """Number of forcing periods in one period of the motion."""
+    elapsed: Any
+    """Number of forcing periods that were simulated."""
+    memory: Any = None
+    """Internal state of a JAX model that it needs to continue the run."""
+    times: Any = None
+    """Times of the largest tilt, swing and rod angle, shape (..., 3)."""
+    impacts: Any = None
     """Number of impacts."""
-    lifted: Any
+    growing: Any = None
+    """Growing coordinate of the last arc at its start. It is 0 on the border between overturning and falling
+    back."""
+    uplift_time: Any = None
     """Time of the first uplift. It is infinite if the block stays on its base."""
-    fell: Any
+    overturning_time: Any = None
     """Time from which the tilt is beyond return. It is infinite if the block does not overturn."""
-    transversality: Any
-    """Smallest rate at which the run crossed an event, divided by the usual rate. It is NaN for the nonlinear
-    equations."""
+    transversality: Any = None
+    """Smallest rate at which the run crossed an event, divided by the usual rate."""
+
+
+def run_of(numbers: Any) -> Run:
+    """Return a run, or a batch of runs, from records `RUN` of compiled code, or from their numbers."""
+    of = vars(parts(numbers, RUN))
+    periods, elapsed = of.pop("periods").astype(int), of.pop("elapsed").astype(int)
+    state, status = of.pop("state")[..., :TILT_PULL], statuses_of(of.pop("status"))
+    return Run(**of, state=state, status=status, periods=periods, elapsed=elapsed)
+
+
+def statuses_of(numbers: Any) -> Status:
+    """Return the statuses whose numbers in compiled code are given as floats."""
+    codes = codes_of(STATUSES)
+    return status_of((jnp if isinstance(numbers, jax.Array) else np).asarray(codes)[numbers.astype(int)])
 
 
 def follow(
@@ -149,15 +149,14 @@ def follow(
     brief: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Any:
+) -> Run:
     """Simulate a run, or a batch of runs.
 
     Args:
         equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN). There every
             landing is an impact, and a run that does not repeat is `not_settled`.
         rows: parameters as in `tpd.compiled.rows`, shape (9,) for one run, or (n, 9) for a batch. JAX may
-        trace
-            the parameters of one run.
+            trace the parameters of one run.
         forcing: a harmonic or ground motions.
         y0: initial states (4,) or (n, 4). The default is at rest. With (n, 4) a single row of parameters
             serves all runs of the batch.
@@ -174,7 +173,7 @@ def follow(
         progress: function that is called from time to time with (runs done, number of runs), for a batch.
 
     Returns:
-        `Settled` under a harmonic, `Followed` under ground motions. A batch gives leaves of leading axis n.
+        The results. A batch gives leaves of leading axis n.
 
         One run of the linear equations under a ground motion has exact derivatives in the parameters, the
         pieces, the free time and the initial state: those of the angles, of their times, of the time of the
@@ -191,8 +190,7 @@ def follow(
     limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
     if equations is Terms.nonlinear:
         limits["rtol"] = checks.tolerance("rtol", rtol)
-    ground = isinstance(forcing, GroundForcing)
-    if ground:
+    if isinstance(forcing, GroundForcing):
         limits["events"] = GROUND_EVENTS[equations] if events is None else events
     else:
         limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
@@ -201,19 +199,19 @@ def follow(
     # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
     if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
         batch = _Batch.of(rows, y0, workers, progress)
-        if ground:
-            runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
-            return runs if is_batch else Followed(*(x[0] for x in runs))
-        settled = _settle_batch(engine, batch, forcing, limits)
-        return settled if is_batch else jax.tree.map(lambda x: x[0, ...], settled)
+        if isinstance(forcing, GroundForcing):
+            records = _run_under_motions(engine, batch, forcing, limits | {"brief": brief})
+        else:
+            records = _run_under_harmonic(engine, batch, forcing, limits)
+        runs = run_of(records)
+        return runs if is_batch else jax.tree.map(lambda x: x[0, ...], runs)
     # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
-    if ground:
-        return _run_one(engine, rows, start, forcing, limits)
-    record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
-    times = packed((forcing.begin, forcing.ramp))
-    (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
-    return _settled_of(out, record)
+    if isinstance(forcing, GroundForcing):
+        return _trace_ground_run(engine, rows, start, forcing, limits)
+    settings, times = packed(engine.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
+    (out,) = engine((shape(numbers_in(RUN)),), settings, stop_gradient(rows), stop_gradient(start), times)
+    return run_of(out)
 
 
 class _Batch(NamedTuple):
@@ -236,10 +234,8 @@ class _Batch(NamedTuple):
         wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
         return _Batch(starts, wide, workers, progress)
 
-    def computed(
-        self, engine: Compiled, task: str, record: np.dtype, table: np.ndarray, /, **limits: Any
-    ) -> np.ndarray:
-        """Return the records of all runs as floats.
+    def computed(self, engine: Compiled, task: str, table: np.ndarray, /, **limits: Any) -> np.ndarray:
+        """Return the records `RUN` of all runs.
 
         `table` holds the further operand of the runs: times or pieces. Settings are numbers or arrays (n,).
         """
@@ -247,15 +243,14 @@ class _Batch(NamedTuple):
         settings: Any = np.zeros(n, entry.SETTINGS)
         for name, value in {"task": getattr(entry, task), **limits}.items():
             settings[name] = value
-        results = np.zeros(n, record)
-        buffers = settings, self.rows, self.starts, table, results
-        engine.in_threads(n, self.workers, self.progress, *buffers)
-        return results.view(float).reshape(n, -1)
+        results = np.zeros(n, RUN)
+        engine.in_threads(n, self.workers, self.progress, settings, self.rows, self.starts, table, results)
+        return results
 
 
-def _settle_batch(
+def _run_under_harmonic(
     engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
-) -> Settled:
+) -> np.ndarray:
     """Simulate a batch of runs under a harmonic."""
     n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
     if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
@@ -266,21 +261,12 @@ def _settle_batch(
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
-    # The module is loaded here and not with the package, because it loads Numba.
-    record = engine.entry().SETTLED
-    return _settled_of(batch.computed(engine, "SETTLE", record, times, **limits), record)
+    return batch.computed(engine, "SETTLE", times, **limits)
 
 
-def _settled_of(numbers: Any, record: np.dtype) -> Settled:
-    """Return `Settled` from records of compiled code as floats, shape (..., n)."""
-    of, index = parts(numbers, record), codes_of(ENDS)
-    code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
-    status = status_of(index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code])
-    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
-    return Settled(of.y, None, periods, *sizes, status, elapsed, *peaks)
-
-
-def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+def _run_under_motions(
+    engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]
+) -> np.ndarray:
     """Simulate a batch of runs under ground motions."""
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
     # All ground motions are stored in one array. Each run has the row of its first piece.
@@ -288,37 +274,30 @@ def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: 
     # The equations contain minus the acceleration of the base.
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
     places = {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
-    record = engine.entry().FOLLOWED
-    return _followed_of(batch.computed(engine, "GROUND", record, pieces, **places, **limits))
+    return batch.computed(engine, "GROUND", pieces, **places, **limits)
 
 
-def _run_one(engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+def _trace_ground_run(
+    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]
+) -> Run:
     """Simulate one run under a ground motion, which JAX may trace."""
     (pieces,) = forcing.records
     settings = engine.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
     # The equations contain minus the acceleration of the base.
     operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
     if engine is LINEAR:
-        angles, end, times, out = _ground_run(*operands)
-        *at, lifted, fell = times
-        tilt, swing, relative = angles
-        sizes = {"tilt": tilt, "swing": swing, "relative": relative, "times": jnp.stack(at)}
-        state = {"state": end[:TILT_PULL], "growing": end[TILT_PULL], "lifted": lifted, "fell": fell}
-        return _followed_of(stop_gradient(out))._replace(**sizes, **state)
+        (*angles,), end, (*at, lifted, fell), out = _ground_run(*operands)
+        names = ("tilt", "swing", "rod_angle")
+        with_slopes = dict(zip((*names, *(f"settled_{name}" for name in names)), 2 * angles, strict=True))
+        with_slopes |= {"times": jnp.stack(at), "uplift_time": lifted, "overturning_time": fell}
+        with_slopes |= {"state": end[:TILT_PULL], "growing": end[TILT_PULL]}
+        return run_of(stop_gradient(out))._replace(**with_slopes)
     x, y, c, s = map(stop_gradient, operands)
-    (out,) = engine((shape(numbers_in(engine.entry().FOLLOWED)),), s, x, y, c)
-    results = _followed_of(out)
+    (out,) = engine((shape(numbers_in(RUN)),), s, x, y, c)
+    run = run_of(out)
     # The package has no derivatives of the nonlinear equations: these results get the derivative NaN.
-    names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
-    return results._replace(**{name: refused_in(operands, getattr(results, name)) for name in names})
-
-
-def _followed_of(out: Any) -> Followed:
-    """Return `Followed` from records of compiled code as floats, shape (..., n)."""
-    of = parts(out, LINEAR.entry().FOLLOWED)
-    angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
-    counted = of.status, of.impacts, of.uplift_time, of.overturn_time, of.transversality
-    return Followed._make((*angles, of.times, state, of.growing, *counted))
+    names = ("tilt", "swing", "rod_angle", "times", "state", "uplift_time", "overturning_time")
+    return run._replace(**{name: refused_in(operands, getattr(run, name)) for name in names})
 
 
 Limits = tuple[tuple[str, float | int], ...]
@@ -352,7 +331,7 @@ def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray
     """Return the compiled code, a row of settings for `solve`, and the length of the result."""
     engine = ENGINES[equations]
     row = np.array(engine.settings("STEADY_STATE", **dict(limits)))
-    return engine, row, numbers_in(engine.entry().STEADY)
+    return engine, row, numbers_in(STEADY)
 
 
 def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
@@ -362,7 +341,7 @@ def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, piec
     """
     entry = LINEAR.entry()
     shapes = (
-        shape(numbers_in(entry.FOLLOWED)),
+        shape(numbers_in(RUN)),
         shape(entry.OUTPUTS, entry.INPUTS),
         shape(entry.OUTPUTS, *pieces.shape),
     )
@@ -386,9 +365,10 @@ def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Arr
 
 def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
     """Divide the results into the parts that have derivatives, as `_ground_run` returns them."""
-    of = parts(out, LINEAR.entry().FOLLOWED)
-    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.uplift_time, of.overturn_time)
-    return of.sizes, jnp.hstack(end), jnp.hstack(times), out
+    of = parts(out, RUN)
+    angles, end = (of.tilt, of.swing, of.rod_angle), (of.state[:TILT_PULL], of.growing)
+    times = of.times, of.uplift_time, of.overturning_time
+    return jnp.stack(angles), jnp.hstack(end), jnp.hstack(times), out
 
 
 def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
@@ -405,7 +385,7 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     with_slopes = settings.at[column("slopes")].set(inputs)
     out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
     _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
-    of = parts(out, entry.FOLLOWED)
+    of = parts(out, RUN)
     xs, ys, samples, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
     )

@@ -14,13 +14,26 @@ import numpy as np
 from tpd.compiled import repetition
 from tpd.compiled.columns import (
     APERIODIC,
+    APERIODIC_STATUS,
+    AT_REST,
+    EVENT_BOUND,
+    FAILED,
     GRAZING,
+    GRAZING_STATUS,
+    HELD,
     LAST_STEP,
     NEAR_FOLD,
+    NEAR_FOLD_STATUS,
+    NEUTRAL,
+    NOT_SETTLED,
+    OVERTURNED,
     RESIDUAL,
+    ROCKING,
+    STICKING,
     SYMMETRIC,
     TILT,
     TILT_RATE,
+    UNSTABLE,
     WIDTH,
 )
 from tpd.compiled.contact_kernel import decide, sign
@@ -46,23 +59,6 @@ from tpd.compiled.period_map import (
 from tpd.compiled.plant import compiled, fill_plants, places, plant
 from tpd.compiled.settle import settle
 
-APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS = range(8, 13)
-"""Numbers of the statuses after those of `tpd.compiled.repetition`, see
-`tpd.compiled.columns.STEADY_STATUSES`."""
-STEADY = np.dtype(
-    [
-        *((name, np.float64) for name in ("amplitude", "swing")),
-        ("y", np.float64, (4,)),
-        *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
-        *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
-        ("multipliers", np.complex128, (4,)),
-        ("by", np.float64, (6, WIDTH)),
-    ],
-    align=True,
-)
-"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
-`tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
-parameters. A derivative that does not exist is NaN."""
 _RESIDUAL = np.int64(WIDTH)
 """Column of the residual of the orbit's map, after those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
@@ -123,12 +119,12 @@ def verdict(outcome, residual, separation, multiplier, to_fold, transversality, 
     """
     # The statements are in increasing order of priority: each line overrules the lines above it. Stability
     # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
-    moving = outcome in (repetition.ROCKING, repetition.STICKING)
+    moving = outcome in (ROCKING, STICKING)
     status = UNSTABLE if moving and multiplier > 1.0 else outcome
     status = NEUTRAL if moving and neutral else status
     status = GRAZING_STATUS if moving and transversality < GRAZING else status
     status = NEAR_FOLD_STATUS if moving and to_fold < 2.0 * NEAR_FOLD else status
-    status = repetition.NOT_SETTLED if moving and not residual < RESIDUAL else status
+    status = NOT_SETTLED if moving and not residual < RESIDUAL else status
     return APERIODIC_STATUS if separation > APERIODIC else status
 
 
@@ -167,14 +163,14 @@ def _status_of(buffers, residual, y):
     # Without a residual the first cycle did not reach its end, and its record is still in the second place.
     if not math.isfinite(residual):
         ending = buffers.cycles[LATEST].ending
-        failure = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
-        return repetition.OVERTURNED if ending == BEYOND else failure
+        failure = EVENT_BOUND if ending == EXHAUSTED else FAILED
+        return OVERTURNED if ending == BEYOND else failure
     if not (residual < RESIDUAL and c.step < LAST_STEP):
-        return repetition.NOT_SETTLED
+        return NOT_SETTLED
     # A block that is held all the time keeps its tilt.
     if c.hold_level == 2.0:
-        return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
-    return repetition.STICKING if c.hold_level > 0.0 else repetition.ROCKING
+        return HELD if y[TILT] != 0.0 else AT_REST
+    return STICKING if c.hold_level > 0.0 else ROCKING
 
 
 @compiled
@@ -190,7 +186,7 @@ def steady_state(x, y0, s, near, buffers, out):
     roots = out.multipliers
     # All numbers stay NaN, and the status failed, until they get a value.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
-    out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
+    out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, FAILED
     roots[:] = math.nan
     out.by[:] = math.nan
     for j in range(WIDTH):
@@ -207,20 +203,21 @@ def steady_state(x, y0, s, near, buffers, out):
         plant(x, q)
         prepare_march(q, w.march)
         decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
-        settled.status, settled.periods, settled.elapsed = repetition.ROCKING, s.periods, 0.0
-        settled.amplitude = settled.swing = math.nan
+        settled.status, settled.periods, settled.elapsed = ROCKING, s.periods, 0.0
+        settled.settled_tilt = settled.settled_swing = math.nan
     else:
         settle(x, buffers, s, 0.0, 0.0, NO, settled)
     outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
     copy_to(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
-    c.amplitude, c.swing, c.transversality, c.asymmetry = settled.amplitude, settled.swing, math.inf, math.inf
+    c.amplitude, c.swing = settled.settled_tilt, settled.settled_swing
+    c.transversality = c.asymmetry = math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
     # A run that has overturned or failed has no orbit.
-    if outcome in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
+    if outcome in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
         fill_plants(x, r.plants)
         c.by[:] = math.nan
-        if outcome == repetition.NOT_SETTLED:
+        if outcome == NOT_SETTLED:
             separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov_periods), y)
         else:
             residual = find_orbit(q, m, buffers, limits, periods, y)
@@ -241,20 +238,20 @@ def steady_state(x, y0, s, near, buffers, out):
     if near:
         # Without an orbit the sizes stay NaN.
         outcome = _status_of(buffers, residual, y)
-        if outcome != repetition.NOT_SETTLED:
-            settled.amplitude, settled.swing = c.amplitude, c.swing
+        if outcome != NOT_SETTLED:
+            settled.settled_tilt, settled.settled_swing = c.amplitude, c.swing
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(outcome, residual, separation, multiplier, to_fold, c.transversality, neutral)
     # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
     # simulated, unless it has more events than allowed.
     endless = q.zeta > 0.0 and not math.isfinite(residual)
-    status = repetition.EVENT_BOUND if outcome == repetition.AT_REST and endless else status
+    status = EVENT_BOUND if outcome == AT_REST and endless else status
     # Without a finite derivative of the period map the stability is unknown.
     unknown = status == UNSTABLE and not math.isfinite(multiplier)
-    status = repetition.FAILED if unknown or not (is_finite(y) or status == repetition.OVERTURNED) else status
+    status = FAILED if unknown or not (is_finite(y) or status == OVERTURNED) else status
     # Friction also holds the block at slightly different tilts, so that the multiplier is 1.
-    multiplier = 1.0 if status == repetition.HELD else multiplier
-    rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
+    multiplier = 1.0 if status == HELD else multiplier
+    rests, rocks = status == AT_REST, status in (ROCKING, STICKING)
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (NEAR_FOLD_STATUS, GRAZING_STATUS)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
     # An undamped bob that swings under a resting block has no orbit, but its largest angle is valid.
@@ -267,10 +264,10 @@ def steady_state(x, y0, s, near, buffers, out):
         # I - DP may be singular. The sizes are those of the orbit without a further Newton step, or the
         # largest ones of a run that did not repeat.
         out.amplitude, out.swing = c.amplitude, c.swing
-    elif status == repetition.OVERTURNED:
+    elif status == OVERTURNED:
         out.amplitude = out.swing = math.inf
-    elif status != repetition.FAILED:
-        out.amplitude, out.swing = settled.amplitude, settled.swing
+    elif status != FAILED:
+        out.amplitude, out.swing = settled.settled_tilt, settled.settled_swing
     if rests:
         # The amplitude of a block at rest stays zero when the parameters change a little. Where the bob hangs
         # still, its largest |psi| has a corner and no derivative.
@@ -284,7 +281,7 @@ def steady_state(x, y0, s, near, buffers, out):
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
     symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
     out.symmetric = 1.0 if symmetric else 0.0
-    if periodic or status == repetition.HELD or singular:
+    if periodic or status == HELD or singular:
         out.multiplier, out.fold = multiplier, fold
     else:
         roots[:] = math.nan

@@ -26,9 +26,9 @@ from tpd.compiled.columns import (
     GRAZING,
     MERGED,
     NEAR_FOLD,
+    ORBIT_STATUSES,
     SIZES,
     SLIP,
-    STATUSES,
     STUCK,
     SWING,
     SWING_PULL,
@@ -60,7 +60,7 @@ from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, pla
 
 ORBITS: Any = np.int64(3)
 """Largest number of orbits of a design."""
-_ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZING_STATUS, _NO_ORBIT = range(len(STATUSES))
+_ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZING_STATUS, _NO_ORBIT = range(len(ORBIT_STATUSES))
 _AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _STATE = places(8)
 NUMBERS: Any = np.int64(SIZES["state"].stop)
 """Number of sizes with derivatives."""

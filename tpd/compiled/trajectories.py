@@ -15,13 +15,12 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from tpd.compiled.calling import LINEAR, shape
-from tpd.compiled.columns import ENDS
 from tpd.compiled.derivatives import once, refused_in
 from tpd.compiled.rows import packed, row_of
-from tpd.compiled.simulate import ENGINES, REST_RATES
+from tpd.compiled.simulate import ENGINES, REST_RATES, statuses_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import State
-from tpd.scene.status import Status, codes_of, status_of
+from tpd.scene.status import Status
 from tpd.theory.equations import Terms
 
 MOMENT = np.dtype(
@@ -91,7 +90,7 @@ def trajectory(
         ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
         ys = refused_in(operands[:3], ys)
     (code,) = stop_gradient(status)
-    return ys, status_of(jnp.asarray(codes_of(ENDS))[code.astype(int)])
+    return ys, statuses_of(code)
 
 
 class History(NamedTuple):
@@ -102,7 +101,7 @@ class History(NamedTuple):
     impacts: np.ndarray
     """Records `IMPACT` of all impacts."""
     status: int
-    """Index of the status in `tpd.compiled.columns.SHAKEN`."""
+    """Index of the status in `tpd.compiled.columns.STATUSES`."""
 
 
 def history(

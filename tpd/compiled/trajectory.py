@@ -7,7 +7,13 @@ import math
 import numpy as np
 
 from tpd.compiled.arcs import arc_from, beginning, load_at, span_of, state_at, steady
-from tpd.compiled.columns import TILT, TILT_RATE
+from tpd.compiled.columns import (
+    EVENT_BOUND,
+    OVERTURNED,
+    ROCKING,
+    TILT,
+    TILT_RATE,
+)
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.events import STOP
 from tpd.compiled.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
@@ -15,7 +21,6 @@ from tpd.compiled.legs import STATE, carry_past_event, carry_through_leg
 from tpd.compiled.march import prepare_march
 from tpd.compiled.motion import FIRST_PIECE, LEG, LEGS, NO, YES, reset_counts
 from tpd.compiled.plant import STEP, compiled, fill_plants, plant
-from tpd.compiled.repetition import EVENT_BOUND, OVERTURNED, ROCKING
 
 ROUNDING = 1e-10
 """Share of a period by which a time may lie before the end of its period. A time that rounding has moved just

@@ -195,8 +195,8 @@ class Build:
     wall: float
     """Distance from the axis of the block to the wall, m; NaN if the cavity is not known."""
     reach: float
-    """Largest distance of the body from the axis, m, in all runs of `Design.turned` except the allowed share;
-    NaN if there are no runs."""
+    """Largest distance of the body from the axis, m, in all runs of `Design.rod_angle` except the allowed
+    share; NaN if there are no runs."""
     angle: float
     """Largest angle between rod and block, rad, in all these runs except the allowed share; NaN if there are
     no runs."""
@@ -350,7 +350,7 @@ def build_of(design: Design) -> Build | None:
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
     problem = design.problem
-    angle = problem.reached(design.turned)
+    angle = problem.reached(design.rod_angle)
     motions = problem.strongest_motions(problem.ratios(pendulum))
     loads = loads_of([Scene(block, m, g) for m in motions], pendulum) or free_swing(pendulum, angle, g)
     friction = needed_friction(scene, problem.stated_motions, pendulum)

@@ -199,7 +199,7 @@ class Design(Printed):
         return "" if pendulum is None else sliding(self.scene, self.problem.stated_motions, pendulum)
 
     @property
-    def turned(self) -> np.ndarray:
+    def rod_angle(self) -> np.ndarray:
         """Largest angle (rad) between rod and block in each validation run of the best design in which the
         block stands.
 
@@ -219,10 +219,10 @@ class Design(Printed):
         """
         if self.pendulum is None or self.best is None:
             return 0.0
-        exact, in_runs = self.best.exact, self.problem.reached(self.turned)
+        exact, in_runs = self.best.exact, self.problem.reached(self.rod_angle)
         # The exact solution has the settled angles of one orbit per condition. Without an attracting orbit
         # the swing is not finite, and is left out.
-        swings = [] if exact is None else [*exact.swing, *exact.orbits.swing[0]]
+        swings = [] if exact is None else [*exact.settled_swing, *exact.orbits.swing[0]]
         return float(max(filter(math.isfinite, swings), default=in_runs))
 
     @cached_property

@@ -79,13 +79,13 @@ class ExactMotions:
     """Uplift margin."""
     status: np.ndarray
     """Names of the outcomes after a start from rest."""
-    amplitude: np.ndarray
+    settled_tilt: np.ndarray
     """Settled |phi| after a start from rest; infinite if the block overturns."""
-    swing: np.ndarray
+    settled_swing: np.ndarray
     """Settled |psi| after a start from rest."""
-    peak: np.ndarray
+    tilt: np.ndarray
     """Largest |phi| during the whole run from rest."""
-    peak_swing: np.ndarray
+    swing: np.ndarray
     """Largest |psi| during the whole run from rest."""
     multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers if the settled motion is the orbit; else NaN."""
@@ -332,17 +332,18 @@ class HarmonicProblem(Problem):
         row = self._none if design is None else design
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
-        settled = follow(Terms.linear, row_of(q), HarmonicForcing())
+        run = follow(Terms.linear, row_of(q), HarmonicForcing())
         # Runs from rest by the exact solution, for comparison with the orbits in closed form.
-        outcome, lift = code_of(settled.status), uplift(q)
-        sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "swing", "peak", "peak_swing")}
+        outcome, lift = code_of(run.status), uplift(q)
+        names = "tilt", "settled_tilt", "swing", "settled_swing"
+        sizes = {name: getattr(run, name) for name in names}
         # A run ends when the block comes to rest, but the bob may still swing. Its settled swing has a closed
         # form.
-        sizes["swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["swing"])
+        sizes["settled_swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["settled_swing"])
         # A run only approaches an orbit, but the orbit itself is known to rounding: use its values.
         amplitude = e.tilt[0] * np.asarray(q.nu)
-        is_orbit = (np.abs(sizes["amplitude"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
-        for name, exact in (("amplitude", amplitude), ("swing", e.swing[0])):
+        is_orbit = (np.abs(sizes["settled_tilt"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
+        for name, exact in (("settled_tilt", amplitude), ("settled_swing", e.swing[0])):
             sizes[name] = np.where(is_orbit, exact, sizes[name])
         overturned = outcome == code_of(Status.overturned)
         return ExactMotions(

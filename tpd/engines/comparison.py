@@ -108,7 +108,7 @@ class EngineVerdict(Printed):
     def step_matters(self) -> bool:
         """Whether the sign of the benefit in the first runs depends on the time step."""
         # Only runs that both time steps have can be compared.
-        few = tuple(runs.first(len(self.finer[0].peak)) for runs in self.with_engine)
+        few = tuple(runs.first(len(self.finer[0].tilt)) for runs in self.with_engine)
         coarse, fine = self._benefit(few), self._benefit(self.finer)
         return coarse * fine < 0.0 and min(abs(coarse), abs(fine)) > _RESOLVED
 
@@ -140,7 +140,7 @@ class EngineVerdict(Printed):
 
     def table(self) -> str:
         """Return shares and quantiles of all runs as a table."""
-        few = len(self.finer[0].peak)
+        few = len(self.finer[0].tilt)
         head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
         return "\n".join(aligned([head, *self._rows(few)]))
 
@@ -158,9 +158,9 @@ class EngineVerdict(Printed):
         # Quantiles are comparable only for the same runs, hence the column of the first runs.
         first = tuple(runs.first(few) for runs in self.with_engine)
         groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
-        sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
+        sizes = [("tilt", "median", "tilt", 0.5), ("tilt", "90 %", "tilt", 0.9)]
         if isinstance(self.scene.excitation, Harmonic):
-            sizes.append(("settled", "median", "settled", 0.5))
+            sizes.append(("settled", "median", "settled_tilt", 0.5))
         for i, case in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
             runs_of = [group[i] for group in groups]
             rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in runs_of)])
@@ -169,7 +169,7 @@ class EngineVerdict(Printed):
         # The equations include neither sliding nor flight, so that their column is empty in these rows.
         bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
-            rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies), "–"])
+            rows.append(["rod to block: 90 %, rad", *(_size(r.rod_angle, 0.9) for r in bodies), "–"])
         rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies), "–"])
         rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies), "–"])
         return rows
@@ -177,7 +177,7 @@ class EngineVerdict(Printed):
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
         # Infinite tilts of overturned runs count as 1, see `benefit`.
         toppling = math.atan(float(self.scene.block.slenderness))
-        with_pendulum, without = (np.minimum(runs.peak / toppling, 1.0).mean() for runs in pair)
+        with_pendulum, without = (np.minimum(runs.tilt / toppling, 1.0).mean() for runs in pair)
         return float(without - with_pendulum)
 
 

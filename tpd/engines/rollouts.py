@@ -30,11 +30,11 @@ class EngineRuns(NamedTuple):
 
     overturned: np.ndarray
     """Whether the block overturns."""
-    peak: np.ndarray
+    tilt: np.ndarray
     """Largest |phi|, rad; infinite if the block overturns."""
-    settled: np.ndarray
+    settled_tilt: np.ndarray
     """Largest |phi| at the end of a run, rad; infinite if the block overturns."""
-    relative: np.ndarray
+    rod_angle: np.ndarray
     """Largest |psi - phi| before an overturning, rad."""
     slid: np.ndarray
     """Largest displacement of a corner on the floor before an overturning, m."""
@@ -130,7 +130,7 @@ class Maxima:
         self.a = np.array([body.half_width for body in bodies])
         self.b, self.has_pendulum = one.half_height, one.bob > 0.0
         self.overturned, self.bounced = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-        self.peak, self.settled, self.relative, self.slid = np.zeros((4, n))
+        self.tilt, self.settled_tilt, self.rod_angle, self.slid = np.zeros((4, n))
 
     def add(self, rows: np.ndarray, path: np.ndarray, late: np.ndarray, steps: np.ndarray) -> None:
         """Add the states of some runs, shape (rows, steps, state)."""
@@ -139,13 +139,13 @@ class Maxima:
         fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
         self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
-        self.peak[rows] = np.maximum(self.peak[rows], _largest(tilt, counts))
+        self.tilt[rows] = np.maximum(self.tilt[rows], _largest(tilt, counts))
         # The last periods of a run count as settled.
         at_end = counts & (time >= late[rows, None])
-        self.settled[rows] = np.maximum(self.settled[rows], _largest(tilt, at_end))
+        self.settled_tilt[rows] = np.maximum(self.settled_tilt[rows], _largest(tilt, at_end))
         if self.has_pendulum:
             # The fourth coordinate of a body with a pendulum is the angle between rod and block.
-            self.relative[rows] = np.maximum(self.relative[rows], _largest(path[:, :, 4], counts))
+            self.rod_angle[rows] = np.maximum(self.rod_angle[rows], _largest(path[:, :, 4], counts))
         # Height and displacement of each corner follow from position and tilt of the block.
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)
@@ -160,8 +160,8 @@ class Maxima:
 
     def runs(self) -> EngineRuns:
         """Return the results of the runs. The tilts of overturned runs are infinite."""
-        peak, settled = (np.where(self.overturned, math.inf, v) for v in (self.peak, self.settled))
-        return EngineRuns(self.overturned, peak, settled, self.relative, self.slid, self.bounced)
+        tilt, settled_tilt = (np.where(self.overturned, math.inf, v) for v in (self.tilt, self.settled_tilt))
+        return EngineRuns(self.overturned, tilt, settled_tilt, self.rod_angle, self.slid, self.bounced)
 
 
 def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:

@@ -103,12 +103,12 @@ const spanText = () => `${ground ? "whole motion" : `${data.periods} periods`}, 
 function simulate(pendulum) {
   const motion = new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base);
   const parts = Math.ceil(ground ? ground.seconds : data.periods), history = [];
-  const largest = { tilt: 0, swing: 0, relative: 0, tension: 0, rate: 0 };
+  const largest = { tilt: 0, swing: 0, rodAngle: 0, tension: 0, rate: 0 };
   const record = ({ y, tau, tension, hasEnded }) => {
     const time = tau / scene.rate, tilt = y[0] / scene.nu;
     if (hasEnded || !(time < history.at(-1)?.[0] + FRAME)) history.push([time, tilt, y[1]]);
     const rate = (y[3] - y[2]) * scene.rate;
-    const values = { tilt, swing: y[1], relative: y[1] - y[0], rate, tension: Math.max(tension, 0) };
+    const values = { tilt, swing: y[1], rodAngle: y[1] - y[0], rate, tension: Math.max(tension, 0) };
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   };
   record(motion);
@@ -399,7 +399,7 @@ function limitedMotion(now, largest) {
   if (ground && !largest.hasEnded) return [largest, SIMULATED];
   if (!Number.isFinite(now?.tilt.value)) return [null, "bob at rest"];
   const [tilt, swing, without] = [now.tilt, now.swing, now.without].map(({ value }) => value);
-  return [{ tilt, swing, without, relative: swing + tilt * scene.nu }, `steady motion, ${now.swing.source}`];
+  return [{ tilt, swing, without, rodAngle: swing + tilt * scene.nu }, `steady motion, ${now.swing.source}`];
 }
 
 /** Compute and show everything that depends on the controls. */
@@ -409,7 +409,7 @@ function update(isNew = true) {
   const [motion, basis] = limitedMotion(now, largest), shares = limitShares(scene, limits, pendulum, motion, body);
   showResults(now, shares, basis, largest, alone, pendulum, body);
   if (now) [drawResponse(now), drawMap(now)];
-  drawDesign(motion ? motion.relative : 0, basis, body);
+  drawDesign(motion ? motion.rodAngle : 0, basis, body);
   // Figures of another size show the same motion.
   [shown, clock] = [[alone, largest], isNew ? 0 : clock];
   drawMotions();

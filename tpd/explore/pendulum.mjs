@@ -70,14 +70,14 @@ export function reachOf(scene, body, angle) {
 /**
  * Return the limited quantities over their limits, as { name, share, exceeded }.
  *
- * @param motion { tilt, swing, without, relative }: tilt over nu, bob angle in rad, tilt over nu without a pendulum,
+ * @param motion { tilt, swing, without, rodAngle }: tilt over nu, bob angle in rad, tilt over nu without a pendulum,
  *   and angle between rod and block in rad (by default the sum of both angles); null keeps only the limits of the bob
  *   that hangs at rest
  * @param body the body of the pendulum, if it is known already
  */
 export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene, pendulum)) {
   const shares = [], add = (name, share) => shares.push({ name, share, exceeded: share > MOST });
-  const { tilt, swing, relative } = motion ?? { tilt: 0, swing: 0 }, angle = relative ?? swing + tilt * scene.nu;
+  const { tilt, swing, rodAngle } = motion ?? { tilt: 0, swing: 0 }, angle = rodAngle ?? swing + tilt * scene.nu;
   const { rod, mass, half, exists } = body;
   if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {

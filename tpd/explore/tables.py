@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.compiled.columns import SIZES, STATUSES
+from tpd.compiled.columns import ORBIT_STATUSES, SIZES
 from tpd.compiled.orbits import solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.scene.parameters import Parameters
@@ -25,8 +25,8 @@ SAFETY = 2.0
 """Factor on the error that the second differences of the nodes estimate."""
 _APART = 0.4
 """Least distance of a node from a value that is made a node, in shares of the distance between nodes."""
-_STABLE = STATUSES.index("rocking")
-_OTHERS = [STATUSES.index(name) for name in ("unstable", "neutral")]
+_STABLE = ORBIT_STATUSES.index("rocking")
+_OTHERS = [ORBIT_STATUSES.index(name) for name in ("unstable", "neutral")]
 
 
 class GridAxis(NamedTuple):

@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Bool, Float
 
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Limits, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, Limits, Run, follow
 from tpd.compiled.trajectories import trajectory
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
@@ -42,7 +42,7 @@ class Cycle(eqx.Module):
     swing: Number
     """Largest |psi| of the period, rad."""
     memory: Any
-    """Discrete state at the end of the period, see `Settled.memory`."""
+    """Discrete state at the end of the period, see `Run.memory`."""
     transversality: Number
     """Smallest rate at which the motion crosses an event, divided by the usual rate. It is 0 if the motion
     grazes an event, and infinite for a model without events."""
@@ -72,7 +72,7 @@ class AbstractModel(eqx.Module):
         """Raise `ValueError` if the model cannot represent these parameters."""
 
     @abstractmethod
-    def settle(self, p: Parameters, y0: State) -> Settled:
+    def settle(self, p: Parameters, y0: State) -> Run:
         """Follow the motion from the state `y0` at tau = 0 until it repeats."""
 
     @abstractmethod
@@ -112,7 +112,7 @@ class AbstractCompiled(AbstractModel):
     def check(self, p: Parameters) -> None:
         """Accept the parameters: compiled models can represent every valid set."""
 
-    def settle(self, p: Parameters, y0: State) -> Settled:
+    def settle(self, p: Parameters, y0: State) -> Run:
         """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
         # By default compiled code has limits of its own; those of the model replace them.
         forcing = HarmonicForcing(self.max_periods)
@@ -142,7 +142,7 @@ class AbstractFlow(AbstractModel):
     def resolution(self, p: Parameters) -> Number:
         """Return the largest |phi| (rad) that the model cannot distinguish from rest."""
 
-    def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
+    def settle_exactly(self, p: Parameters, y0: State) -> Run | None:
         """Return the motion that the same equations without smoothing reach from `y0`.
 
         The result is None if the model smooths nothing, or if its equations can be solved only with
@@ -153,5 +153,5 @@ class AbstractFlow(AbstractModel):
         return None
 
     @abstractmethod
-    def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+    def cycle(self, p: Parameters, settled: Run, y: State) -> Cycle:
         """Follow `settled.periods` forcing periods from the state `y` at tau = 0."""

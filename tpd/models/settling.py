@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.compiled.columns import SWING, TILT
-from tpd.compiled.simulate import Settled
+from tpd.compiled.simulate import Run
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
@@ -25,7 +25,7 @@ class Period(NamedTuple):
     y: State
     """State at the end of the period."""
     memory: Any
-    """Discrete state at the end of the period, see `Settled.memory`."""
+    """Discrete state at the end of the period, see `Run.memory`."""
     amplitude: Number
     """Largest |phi|, rad."""
     swing: Number
@@ -87,7 +87,7 @@ class Record(NamedTuple):
         peak, swing = jnp.maximum(self.peak, period.peak), jnp.maximum(self.peak_swing, period.peak_swing)
         return Record(past, repeats, self.elapsed + 1, peak, swing)
 
-    def settled(self) -> Settled:
+    def settled(self) -> Run:
         """Return the settled motion with its status."""
         periods, past, last = jnp.maximum(self.repeats, 1), self.past, self.newest
         # Only the periods of the repeating motion itself count. Earlier periods belong to the transient.
@@ -108,9 +108,12 @@ class Record(NamedTuple):
         status = Status.where(jnp.all(jnp.isfinite(last.y)), status, Status.failed)
         swing = jnp.where(last.rests, last.swing, swing)
         amplitude = jnp.where(last.rests, jnp.abs(last.y[TILT]), amplitude)
-        sizes = amplitude, swing, self.peak, self.peak_swing
-        amplitude, swing, *peaks = (jnp.where(last.overturned, jnp.inf, x) for x in sizes)
-        return Settled(last.y, last.memory, periods, amplitude, swing, status, self.elapsed, *peaks)
+        sizes = self.peak, amplitude, self.peak_swing, swing
+        tilt, settled_tilt, swing, settled_swing = (jnp.where(last.overturned, jnp.inf, x) for x in sizes)
+        # The sum of tilt and swing is an upper bound of the rod angle.
+        bounds = tilt + swing, settled_tilt + settled_swing
+        ends = last.y, status, periods, self.elapsed, last.memory
+        return Run(tilt, settled_tilt, swing, settled_swing, *bounds, *ends)
 
 
 def blank(y0: State, memory: Any) -> Record:
@@ -142,7 +145,7 @@ def settle(
     *,
     tolerance: float,
     max_periods: int,
-) -> Settled:
+) -> Run:
     """Run `one_period` repeatedly, as a traced loop, until the outcome of the motion is known.
 
     The loop ends if the state repeats after 1 to `LONGEST` periods within `tolerance` times its scale, if the

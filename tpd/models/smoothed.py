@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.compiled.columns import SWING, TILT, TILT_RATE
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Settled, follow
+from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
 from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
 from tpd.models.piecewise import Piecewise
@@ -135,7 +135,7 @@ class Smoothed(AbstractFlow):
             least, advice = 1.0, " in the smoothed equations (4): use `Nonlinear`"
         checks.within("e", p.velocity_ratio, least, 1.0, advice, every=True)
 
-    def settle(self, p: Parameters, y0: State) -> Settled:
+    def settle(self, p: Parameters, y0: State) -> Run:
         """Integrate from the state `y0` at tau = 0, one forcing period after another, until they repeat."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
         # An overturning block grows without limit. The limit on its tilt ends the transient.
@@ -155,7 +155,7 @@ class Smoothed(AbstractFlow):
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
-    def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
+    def settle_exactly(self, p: Parameters, y0: State) -> Run | None:
         """Return the exact motion from `y0`; None with the parametric term, which has no exact solution."""
         if self.terms is Terms.parametric:
             return None
@@ -163,7 +163,7 @@ class Smoothed(AbstractFlow):
             return Piecewise().settle(p, y0)
         return follow(Terms.nonlinear, row_of(p), HarmonicForcing(self.max_periods), y0=y0)
 
-    def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+    def cycle(self, p: Parameters, settled: Run, y: State) -> Cycle:
         """Integrate the settled periods from `y` with a small tolerance, for derivatives in forward mode."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
         times = jnp.linspace(0.0, 1.0, self.samples + 1) * p.period

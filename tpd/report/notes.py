@@ -114,8 +114,8 @@ def _without_walls(design: Design, exact: ExactMotions, pendulum: Pendulum) -> l
     This check is needed only if the search had no limit on the clearance.
     """
     angles = {
-        "in the settled motion": exact.swing + exact.amplitude,
-        "in the transient from rest": exact.peak + exact.peak_swing,
+        "in the settled motion": exact.settled_swing + exact.settled_tilt,
+        "in the transient from rest": exact.tilt + exact.swing,
     }
     if not design.problem.rest_counts:
         # Then other initial states than rest count as well, and the orbits may be larger.
@@ -124,8 +124,8 @@ def _without_walls(design: Design, exact: ExactMotions, pendulum: Pendulum) -> l
         angles["in the settled motion"] = np.concatenate([angles["in the settled motion"], orbits])
     # An overturned motion has infinite angles. It is reported by another note.
     largest = {when: finite_max(x) for when, x in angles.items()}
-    if design.turned.size:
-        largest["in half of the validation runs"] = float(np.median(design.turned))
+    if design.rod_angle.size:
+        largest["in half of the validation runs"] = float(np.median(design.rod_angle))
     return wall_contacts(design.scene.block, pendulum, largest)[:1]
 
 
@@ -163,7 +163,7 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
     if count := int(np.sum(rocks & (exact.margin > 0.0))):
         where = f" under {count} of {n} conditions" if n > 1 else ""
         yield note(f"The block could rest with this pendulum{where}, but a start from rest ends in rocking.")
-    if (swing := finite_max(exact.swing)) > LARGE_STROKE:
+    if (swing := finite_max(exact.settled_swing)) > LARGE_STROKE:
         yield note(f"At a swing of {swing:.2f} rad the linear equations of the pendulum are inaccurate.")
     if (multiplier := finite_max(exact.multiplier[rocks])) > SLOW:
         yield note(f"The settled motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
