@@ -483,8 +483,8 @@ def _sizes_of(p: Any, reached: Run, orbit: Orbit, status: Any, multiplier: Any) 
     isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(undamped)
     # On an isolated orbit one more Newton step improves the sizes. Elsewhere I - DP may be singular, and the
     # sizes are those of the orbit before this step.
-    unknown = jnp.full(2, jnp.nan)
-    last = PL
+    followed = jnp.stack([reached.settled_tilt, reached.settled_swing])
+    last = jnp.where(status == code_of(Status.failed), jnp.full(2, jnp.nan), followed)
     sizes, slopes = implicit(orbit)
     last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
     last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)

@@ -97,8 +97,8 @@ class Run(NamedTuple):
     settled_rod_angle: Any
     """Largest |psi - phi| of the last periods, with the same bound under a harmonic."""
     state: Any
-    """State (phi, psi, phi', psi') at the end, shape (..., 4). Under a harmonic this is after a whole number of
-    forcing periods. The state serves as initial guess for a periodic orbit."""
+    """State (phi, psi, phi', psi') at the end, shape (..., 4). Under a harmonic a whole number of forcing
+    periods has passed since tau = 0. The state serves as initial guess for a periodic orbit."""
     status: Status
     """Outcome of the run."""
     periods: Any
