@@ -190,7 +190,7 @@ def settle(x, buffers, s, since, ramp, whole, out):
     The run starts from its state at tau = `since`.
 
     The run also ends after the number of periods in the settings `s`. The excitation grows linearly over
-    `ramp` periods. `out` is a record `tpd.compiled.repetition.SETTLED`. Its peaks are those of the whole run
+    `ramp` periods. `out` is a record `tpd.compiled.columns.RUN`. Its peaks are those of the whole run
     only if `whole`, because the bob of a block at rest may reach its largest angle later.
     """
     q, m, w, r = records_of(buffers)

@@ -305,7 +305,7 @@ Limits = tuple[tuple[str, float | int], ...]
 
 
 def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
-    """Return the steady state of a run under a harmonic: a record `tpd.compiled.steady.STEADY` as floats.
+    """Return the steady state of a run under a harmonic: a record `tpd.compiled.columns.STEADY` as floats.
 
     Args:
         equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
