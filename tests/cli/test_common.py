@@ -160,7 +160,8 @@ check absent BOB | absent contains a scene and a pendulum: give either DESIGN or
 response --out LONG | cannot use xxx
 check BOB --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
 check BOB --engine drake | argument --engine: invalid choice: 'drake'
-check BOB --sliding 0.5 | --sliding has an effect only together with --engine
+check BOB --runs 5 | --runs has an effect only together with --engine
+check BOB --sliding 0.5 | unrecognized arguments: --sliding; it is now called `--base-friction`
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
 shake SIZE --record el-centro --dt 0.5 | `excitation.dt` requires a file of a record
@@ -192,7 +193,6 @@ optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | there is no key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
 export --as csv BOB --scale 5 | `excitation.scales` requires a pulse or records
-export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
 export --as csv BOB --out . | --out must name a file, but . is a directory
 """
 """Commands with a part of the message; `job` stands for `tpd optimise` with a file of these lines."""

@@ -35,11 +35,14 @@ def test_models_are_those_of_the_library(report, tmp_path):
         done = call("export", report, "--as", kind)
         assert (done.status, done.out.splitlines()[-1]) == (0, f"written: {name}")
         assert (tmp_path / name).read_text() == getattr(tpd.engines, kind)(scene, PENDULUM)
-    ratios = "--mass-ratio 0.1 --length-ratio 0.6 --out own/model.tcl --sliding"
+    ratios = "--mass-ratio 0.1 --length-ratio 0.6 --out own/model.tcl --base-friction"
     assert call("export", "--as", "opensees", ratios, "0.7").status == 0
     pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
     assert (tmp_path / "own" / "model.tcl").read_text() == tpd.engines.opensees(scene, pendulum, sliding=0.7)
-    assert "`sliding` must be positive" in call("export", "--as", "mjcf", ratios, "0", "--overwrite").err
+    assert (
+        "[block] `base_friction` must be positive"
+        in call("export", "--as", "mjcf", ratios, "0", "--overwrite").err
+    )
 
 
 def test_histories_are_without_and_with_the_pendulum(report, tmp_path):

@@ -38,16 +38,15 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     job, pendulum = case
     if pendulum is None and options.design is None:
         raise ValueError("a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length")
-    settings = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
-    if "runs" in settings:
+    if options.runs is not None:
         checks.count("--runs", options.runs)
     if options.seed is not None:
         checks.seed("--seed", options.seed)
     if options.engine is not None:
         common.print_header(job.scene, pendulum, job.in_words, job.all_messages, AtRest.under(job.scene))
-        return _check_by_engine(job, pendulum, options, settings)
-    if settings:
-        raise ValueError(f"--{next(iter(settings))} has an effect only together with --engine")
+        return _check_by_engine(job, pendulum, options)
+    if options.runs is not None:
+        raise ValueError("--runs has an effect only together with --engine")
     check_cavity(job.block, job.limits)
     problem = _problem_of(job, options.seed)
     common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
@@ -124,14 +123,12 @@ def _check_by_models(
     return [*table, *before, "", *after], validation.status.is_sound
 
 
-def _check_by_engine(
-    job: Job, pendulum: Pendulum | None, options: argparse.Namespace, settings: dict[str, Any]
-) -> int:
+def _check_by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
     """Simulate the pendulum in a rigid-body engine, add the result to the report of the design, if any, and
     return the exit status."""
-    # --sliding takes precedence over the friction of the base in the job.
-    if (own := job.block.base_friction) is not None:
-        settings.setdefault("sliding", own)
+    # The engine has defaults for the number of runs and for the friction of the base.
+    stated = {"runs": options.runs, "sliding": job.block.base_friction}
+    settings = {name: x for name, x in stated.items() if x is not None}
     with Bar() as bar:
         comparison = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
     print_answer("", str(comparison), "")

@@ -128,9 +128,11 @@ def read_case(options: argparse.Namespace) -> Case:
         return Case(job, read_pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
     if name.suffix == ".toml" and name.is_file():
         raise ValueError(f"{name} is a job file, but DESIGN is the folder of a report: write --scene {name}")
-    # A design may be combined with another motion, but not with another block, harmonic or pendulum.
-    others = {"amplitude", "frequency"} & set(tables.get("excitation", {})) or set(tables) - {"excitation"}
-    if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
+    # A design may be combined with another pulse or record, and with a friction of the base.
+    excitation, block = (tables.get(table, {}).keys() for table in ("excitation", "block"))
+    more = set(tables) - {"excitation", "block"}, excitation & {"amplitude", "frequency"}
+    others = *more, block - {"base_friction"}
+    if any(others) or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
         raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
     return Case(jobs.job_of(*jobs.merged(design.tables, tables)), design.pendulum)

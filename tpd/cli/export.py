@@ -19,8 +19,6 @@ from tpd.scene.scene import Pendulum, Scene
 def run(options: argparse.Namespace) -> int:
     """Write the file, print its name and return the exit status."""
     job, pendulum = common.check_inputs(options)
-    if options.kind == "csv" and options.sliding is not None:
-        raise ValueError("--sliding has an effect on models for MuJoCo and OpenSees, but --as is csv")
     file = Path(EXPORTED[options.kind]) if options.out is None else options.out
     # The file is checked before the work, because a history may take seconds. Users edit an exported model,
     # so that a file is never replaced without --overwrite.
@@ -43,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
             print(f"{name}: {reason}; the cells after that time are empty")
     else:
         # Without a coefficient the exported model has the default one.
-        sliding = scene.block.base_friction if options.sliding is None else options.sliding
+        sliding = scene.block.base_friction
         friction = {} if sliding is None else {"sliding": sliding}
         content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **friction)
     print(f"written: {files.place(file, content)}")

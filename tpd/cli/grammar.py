@@ -19,7 +19,6 @@ KINDS = ("tower", "chimney", "column", "statue", "paper")
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 """Formats that `tpd export` writes, with the default name of the file."""
 
-_SLIDING = "coefficient of friction between block and floor, dimensionless (default 0.6)"
 _AXIS = "name of the quantity, lowest and highest value, in m, kg or Hz; ratios are dimensionless"
 _DONE = "Exit status: 0 success; 2 invalid input, the message says what is allowed; 130 interrupted."
 """Explanation of the exit status of most commands."""
@@ -32,7 +31,7 @@ def _options_of(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, 
 
 BLOCK = (
     *_options_of("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
-    *_options_of("block", radius_of_gyration="M", base_friction="MU"),
+    *_options_of("block", radius_of_gyration="M", base_friction="X"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
 HARMONIC = _options_of("excitation", amplitude="M", frequency="HZ")
@@ -238,7 +237,6 @@ def _check(command: Parser) -> None:
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
     _add_number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
-    _add_number(engine, "--sliding", "MU", _SLIDING)
 
 
 def _explore(command: Parser) -> None:
@@ -306,7 +304,6 @@ def _export(command: Parser) -> None:
     _add_case(command, *HARMONIC, *PULSE, *RECORD)
     text = "mjcf: model for MuJoCo; opensees: model for OpenSees; csv: time histories as a table"
     command.add_argument("--as", dest="kind", required=True, choices=tuple(EXPORTED), help=text)
-    _add_number(command, "--sliding", "MU", _SLIDING)
     text = f"file to write (default {', '.join(EXPORTED.values())})"
     command.add_argument("--out", type=path_of, metavar="FILE", help=text)
     _add_switch(command, "--overwrite", "replace FILE if it exists")
