@@ -5,7 +5,7 @@ import ast
 import pytest
 
 from tests.benchmarks.guards import GUARDS, ROOT
-from tests.benchmarks.mutations import mutated, never, without_term
+from tests.benchmarks.removals import mutated, never, without_term
 
 
 def names_in(path):

@@ -1,6 +1,6 @@
 """Remove the guards of the page "where methods fail" one at a time, and check that their tests then fail.
 
-A guard is identified by its function and by the change that removes it (`tests.benchmarks.mutations`), so
+A guard is identified by its function and by the change that removes it (`tests.benchmarks.removals`), so
 that other changes of its line do not matter. The table has a "no" for each test that passes without its
 guard. The benchmark takes an hour.
 """
@@ -15,7 +15,7 @@ from shutil import copyfile
 from typing import Any, NamedTuple
 
 from tests.benchmarks import stored
-from tests.benchmarks.mutations import (
+from tests.benchmarks.removals import (
     Mutation,
     constant,
     mutated,

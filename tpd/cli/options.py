@@ -43,14 +43,15 @@ class Parser(argparse.ArgumentParser):
         # Before Python 3.14 argparse takes numbers such as -1e0 for options, unless they begin with a blank.
         words = sys.argv[1:] if args is None else args
         words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in words]
+        flags = re.findall(r"--?[a-z][\w-]*", self.format_usage())
         for flag, count in Counter(word.partition("=")[0] for word in words).items():
-            if count > 1 and flag in self._option_string_actions:
+            if count > 1 and flag in flags:
                 self.error(f"argument {flag}: it is given {count} times; give it once, with all its values")
         # argparse rejects them in the parser of all commands, which does not have the options of this one.
         options, unknown = super().parse_known_args(words, namespace)
         if unknown:
             flag = next((word for word in unknown if word.startswith("--")), "")
-            hint = _suggestion(flag, self._option_string_actions)
+            hint = _suggestion(flag, flags)
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
 
@@ -111,8 +112,8 @@ class Option:
     one: bool = False
     """Whether the option takes a single value although the key is a list."""
 
-    def add(self, parser: argparse._ActionsContainer) -> None:
-        """Add the option to a parser or a group."""
+    def add(self, parser: Any) -> None:
+        """Add the option to a parser or a group of its options."""
         key = keys()[self.table][self.key]
         # The default is read from the schema, so that the help text always agrees with the code.
         default = key.get("default") if self.metavar is not None else None

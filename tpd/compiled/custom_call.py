@@ -14,7 +14,6 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from tpd.compiled.arcs import Forcing
@@ -72,7 +71,10 @@ BEGIN, RAMP = 0, 1
 @intrinsic
 def _pointer(context: Any, address: Any) -> Any:
     """Convert an integer to a pointer."""
-    generate = lambda context, builder, signature, args: builder.inttoptr(args[0], cgutils.voidptr_t)  # noqa: E731
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
     return types.voidptr(types.int64), generate
 
 

@@ -24,7 +24,7 @@ import numba.extending
 import numpy as np
 
 from tpd.compiled.columns import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
-from tpd.core.machine_code import PartCompiler
+from tpd.core.machine_code import PIPELINE
 from tpd.scene import impacts
 
 _RESONANT = 1e-10
@@ -77,7 +77,7 @@ def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool 
     # functions would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
-    compiler = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
+    compiler = numba.njit(error_model="numpy", **PIPELINE, **options)
     return compiler(inspect.unwrap(function))
 
 
@@ -85,7 +85,7 @@ def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None)
     """Let compiled code call a function of the package, in another form if one is passed."""
     # Python keeps the function itself, which a type checker may have wrapped. Numba gets the original one.
     plain = inspect.unwrap(function) if form is None else form
-    options: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
+    options: Any = {"nogil": True, "error_model": "numpy", **PIPELINE}
     numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
     return function
 

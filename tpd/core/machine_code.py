@@ -12,14 +12,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numba
-from numba.core import compiler, config
 
 from tpd.core import files
 
+PIPELINE: dict[str, Any] = {}
+"""Options of `numba.njit` for functions that only compiled code calls.
+
+They are empty if Numba lacks one of the names below. Its usual compiler then takes twice as long.
+"""
+
 try:
-    # Some of these names are private. Another version of Numba may lack them.
+    # These names are not public. Another version of Numba may lack them.
     from numba import _dynfunc  # type: ignore[attr-defined]
-    from numba.core import codegen, compiler_machinery, typed_passes, untyped_passes
+    from numba.core import codegen, compiler, compiler_machinery, typed_passes, untyped_passes
 
     class PartLibrary(codegen.JITCodeLibrary):
         """Code of a part: a function that is compiled together with its caller.
@@ -61,8 +66,23 @@ try:
         typed_passes.NopythonRewrites: None,
     }
     """Passes of Numba that are replaced, or left out because they are for closures and whole arrays."""
+
+    class PartCompiler(compiler.CompilerBase):
+        """Compiler of parts; the usual compiler with a version of Numba in which a trial of it fails."""
+
+        def define_pipelines(self) -> list[Any]:
+            """Return the usual passes of Numba, with `PartLowering` if possible."""
+            passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+            if _can_compile_parts():
+                passes.passes = [
+                    (_OWN.get(one, one), why) for one, why in passes.passes if _OWN.get(one, one)
+                ]
+                passes.finalize()
+            return [passes]
+
+    PIPELINE["pipeline_class"] = PartCompiler
 except (ImportError, AttributeError):
-    _OWN = {}
+    pass
 
 
 _possible: list[bool] = []
@@ -73,29 +93,14 @@ def _can_compile_parts() -> bool:
     """Return whether this version of Numba compiles a part and its caller, which a trial shows."""
     if not _possible:
         # The trial itself compiles a part.
-        _possible.append(bool(_OWN))
+        _possible.append(bool(PIPELINE))
         try:
-            options: Any = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True}
+            options: Any = {**PIPELINE, "no_cpython_wrapper": True}
             part = numba.njit(**options)(lambda x: x + 1.0)
             numba.cfunc("float64(float64)")(lambda x: part(x))
         except Exception:
             _possible[0] = False
     return _possible[0]
-
-
-class PartCompiler(compiler.CompilerBase):
-    """Compiler of functions that are called only by compiled code.
-
-    With a version of Numba that cannot compile parts it is the usual compiler, which takes twice as long.
-    """
-
-    def define_pipelines(self) -> list[Any]:
-        """Return the usual passes of Numba, with `PartLowering` if possible."""
-        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
-        if _can_compile_parts():
-            passes.passes = [(_OWN.get(one, one), why) for one, why in passes.passes if _OWN.get(one, one)]
-            passes.finalize()
-        return [passes]
 
 
 def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
@@ -112,12 +117,12 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
         from numba.core import caching
 
         make = compiler(signature, cache=True, error_model="numpy", **options)
-        if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
+        if not (numba.config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
             # Numba would create a folder with the name ~ in the working directory.
             raise RuntimeError("there is no home directory; set a folder with NUMBA_CACHE_DIR")
         cache = caching.FunctionCache(plain)
         folder = Path(cache.cache_path)
-        for place in filter(None, (config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
+        for place in filter(None, (numba.config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
             files.check_own(Path(place).absolute())
         with files.file_lock(folder / f"{plain.__module__}.{plain.__name__}.lock"):
             try:
