@@ -42,6 +42,7 @@ def test_shares_are_counts_of_single_motions(found):
         for with_it, curve in ((None, found.without_pendulum), (PENDULUM, found.with_pendulum)):
             ends = [tpd.status_name(tpd.transient(scene, with_it).status) for scene in scenes]
             assert curve["overturned"].counts[i] == ends.count("overturned")
+            assert curve["overturned"].shares[i] == ends.count("overturned") / 12
             assert curve["rocking"].counts[i] == 12 - ends.count("stood")
     # Tilts are over the slenderness.
     assert (

@@ -306,12 +306,24 @@ def test_one_stripe_sees_no_dispersion():
         assert "unknown with one stripe" in str(fit)
 
 
+def test_a_change_that_rounds_to_zero_is_called_a_reduction():
+    cases = {
+        (0.25, 0.1, 0.4): (True, "25 %", " (95 % interval 10 to 40 %)"),
+        (-0.004, -math.inf, math.inf): (True, "0 %", ""),
+        (-0.25, -0.4, 0.1): (False, "25 %", " (95 % interval -10 to 40 %)"),
+    }
+    for numbers, words in cases.items():
+        assert Interval(*numbers).fall_in_words() == words
+
+
 @pytest.mark.mends("a share that grows slowly was said not to grow")
 def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_none():
     stripes = np.array([0.5, 1.0, 2.0, 4.0])
     fit = fit_lognormal(stripes, outcomes([10, 12, 14, 16], 40))
     assert 1.0 / fit.dispersion == pytest.approx(0.2021, abs=1e-4)
     assert "does not grow" not in str(fit)
+    # The median of these, about exp(900), is no double.
+    assert math.isnan(fit_lognormal(stripes, outcomes([100, 100, 100, 101], 10_000)).median)
     for counts in ([10, 10, 10, 10], [16, 14, 12, 10], [40, 40, 0, 0], [40, 20, 0, 0]):
         fit = fit_lognormal(stripes, outcomes(counts, 40))
         assert math.isnan(fit.median)

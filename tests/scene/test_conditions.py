@@ -165,6 +165,11 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
     assert np.asarray(c.which).tolist() == sorted([0, 1, 2] * 4)
     assert c.column("amplitude").tolist() == [1.0, 1.0, 2.0, 2.0] * 3
     assert np.ptp(c.column("slenderness")) > 0.03
+    unit = "PGA over g tan(alpha); at 1 the block lifts"
+    assert c.description == (
+        f"3 ground motions, each at 1, 2 ({unit}) with scatter of slenderness, damping (seed 4)",
+    )
+    assert tpd.Conditions.records(records[:1]).description == (f"1 ground motion at 1 ({unit})",)
     both = tpd.Conditions.records(records[:2], (1.0,)) * tpd.Conditions.amplitudes(1.0, 1.5)
     assert both.column("amplitude").tolist() == [1.0, 1.5] * 2
     assert np.asarray(both.which).tolist() == [0, 0, 1, 1]

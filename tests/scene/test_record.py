@@ -33,6 +33,13 @@ def test_scales():
     assert Record([0, 0], 1).pga == 0.0
 
 
+def test_the_pieces_are_straight_lines_between_samples_over_the_peak():
+    lines = [[0.0, 0.5, 0, 0], [0.5, -0.5, 0, 0], [0.0, -1.0, 0, 0], [-1.0, 1.0, 0, 0]]
+    np.testing.assert_allclose(Record(TRIANGLE, 0.1, scale=3.0).pieces(), lines)
+    np.testing.assert_allclose(Record(TRIANGLE, 0.1, scale=-0.5).pieces(), -np.array(lines))
+    assert not np.any(Record([0.0, 0.0], 0.1).pieces())
+
+
 def test_the_samples_are_copied_and_kept():
     given = np.array(TRIANGLE)
     record = Record(given, 0.1)

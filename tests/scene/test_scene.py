@@ -27,6 +27,7 @@ def test_the_paper_s_case_study_in_its_own_numbers():
     assert p.k == 0.05
     assert (p.e, p.mu, p.rho) == (1.0, 0.0, None)
     assert paper_scene().block.mass == pytest.approx(2028 * 0.1 * 0.2 * 0.4, rel=1e-12)
+    assert paper_scene().uplift == pytest.approx(0.3, rel=1e-14)
 
 
 def test_a_pendulum_in_si_becomes_the_ratios_it_was_made_from():
@@ -105,6 +106,12 @@ def test_a_block_has_the_cavity_that_is_stated_and_no_other():
             match=r"`cavity_width` must be less than the width of the block, 0\.\d+ m, because the w",
         ):
             Block(**BLOCK, cavity_width=wide * BLOCK["width"])
+    # 16.224 kg / ((0.1^2 - w^2) 0.4 m^3)
+    assert Block(**BLOCK, cavity_width=0.0958).clear_width == 0.0958
+    with pytest.raises(
+        ValueError, match=r"at most 50000 kg/m\^3 .* the walls around 0.099 m have 2.04e\+05 kg"
+    ):
+        Block(**BLOCK, cavity_width=0.099)
 
 
 def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():

@@ -1,5 +1,6 @@
 """The equations of motion (4) and (25), derived again from the Lagrangian."""
 
+import dataclasses
 import math
 from functools import cache, partial
 from itertools import pairwise
@@ -14,6 +15,7 @@ import sympy as sp
 from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
 from tpd.compiled.contact_kernel import moment as moment_of
+from tpd.scene import impacts
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
 NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = SYMBOLS = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)
@@ -179,6 +181,24 @@ def test_energy_is_lost_to_the_hinge_and_to_the_contact_alone(s):
             lost = p.k * abs(y[2]) + p.mu * p.lam * float(p.hinge) * (y[2] - y[3]) ** 2
             scale = np.abs(slope) @ np.abs(rates)
             assert float(slope @ rates + lost) == pytest.approx(0.0, abs=1e-13 * scale)
+
+
+@pytest.mark.parametrize("e", [1.0, 0.8])
+def test_the_smoothed_loss_of_a_crossing_is_that_of_an_impact(e):
+    p, width = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.1, k=0.0, f=0.0, xi=2.3, e=e), 0.01
+    ratio, across = (
+        impacts.linear_ratio(*(law := (p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio))),
+        0.3,
+    )
+    tilts = np.linspace(-20.0 * width, 20.0 * width, 4001)
+    with_loss, without = (smoothed_rates(dataclasses.replace(p, e=x), width, width) for x in (e, 1.0))
+    y = jnp.stack([tilts, 0.0 * tilts, 0.0 * tilts + across, 0.0 * tilts], axis=-1)
+    rates = jax.vmap(lambda y: (with_loss(0.0, y, None) - without(0.0, y, None))[2:])(y)
+    # The integral over the tilt of phi''/phi'^2, which is ln(r) whatever the rate.
+    change = np.trapezoid(rates, tilts, axis=0) / across**2
+    kick = impacts.linear_bob_change(ratio, *law)
+    assert change[0] == pytest.approx(math.log(ratio), rel=1e-9, abs=1e-15)
+    assert change[1] == pytest.approx(math.log(ratio) / (ratio - 1.0) * kick if e < 1.0 else 0.0, rel=1e-9)
 
 
 def test_smoothed_rates_tend_to_those_with_signs_as_the_widths_vanish():

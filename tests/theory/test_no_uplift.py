@@ -69,6 +69,15 @@ def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
     assert AtRest.of(0.2, 0.05, 0.0).margin == np.inf
 
 
+def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
+    for peak, has_hint in ((0.2, False), (0.4, True)):
+        words = AtRest.of(0.5, 0.0, peak).sliding_in_words
+        assert words.startswith(
+            f"not before it lifts, if the coefficient of friction of the base is at least {peak}"
+        )
+        assert words.endswith("A dry base may have only 0.3: state `base_friction`") is has_hint
+
+
 @pytest.mark.mends("a coefficient of 0.31 was needed where the base has 0.31, and it slid")
 def test_numbers_that_are_compared_are_told_apart():
     found = AtRest.of(0.3056, 0.0, 0.3055, base_friction=0.3054)
