@@ -209,7 +209,6 @@ def test_a_wrong_limit_is_rejected(make, message):
         make()
 
 
-@pytest.mark.mends("a limit on the bob's mass bound the equivalent point, and the body was heavier")
 def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     design, mass = np.array([0.15, 0.6, 0.35]), 0.15 * SCENE.block.mass
     body, _ = Bob().built(mass, 0.6 * SCENE.block.half_height, float(SCENE.gravity))
@@ -227,7 +226,6 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     np.testing.assert_allclose(size.value, 0.15 * SCENE.block.mass / 2.0)
 
 
-@pytest.mark.mends("a body that exceeded a limit as built was offered")
 def test_a_bob_has_room_below_its_hinge_and_only_if_a_body_swings_as_the_point_does(geometry):
     """A disc that turns with its rod has so large a moment of inertia that no thin one acts as the point."""
     disc, design = Bob(shape="cylinder", aspect=0.1), np.array([0.19, 0.3, 0.35])

@@ -9,8 +9,6 @@ import zipfile
 from importlib.metadata import version
 from pathlib import Path
 
-import pytest
-
 from tests.measures import ROOT
 
 TOP = ROOT.parent
@@ -22,7 +20,6 @@ def numbers(text: str) -> list[int]:
     return [int(x) for x in re.findall(r"\d+", text)]
 
 
-@pytest.mark.mends("the package claimed to run with jax 0.8, where its import failed")
 def test_jax_has_the_bounds_that_were_tried():
     low, high = re.fullmatch(r"jax>=([\d.]+),<([\d.]+)", BOUNDS["jax"]).groups()
     assert numbers(low) == [0, 10]
@@ -36,13 +33,11 @@ def test_every_dependency_has_a_lower_bound_that_the_installed_version_keeps():
         assert numbers(version(name)) >= numbers(low[1]), text
 
 
-@pytest.mark.mends("no text said how the lowest versions are tried")
 def test_the_guide_says_how_the_lowest_versions_are_tried():
     text = (TOP / "notebooks" / "guide" / "contributing.md").read_text(encoding="utf-8")
     assert "--resolution lowest-direct" in text
 
 
-@pytest.mark.mends("the package had no licence, so that nobody was allowed to use it")
 def test_the_licence_is_stated_where_people_and_tools_look_for_it():
     assert PROJECT["license"] == "BSD-3-Clause"
     (name,) = PROJECT["license-files"]
@@ -57,7 +52,6 @@ def test_the_licence_is_stated_where_people_and_tools_look_for_it():
     assert f"[licence]({name}) is BSD-3-Clause" in (TOP / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.mends("the description promised that a block does not rock")
 def test_the_description_promises_no_more_than_a_reduction():
     assert "keeps a rocking block from rocking" not in PROJECT["description"]
     assert "reduce" in PROJECT["description"]
@@ -78,7 +72,6 @@ sys.exit(main(["new", "chimney", "--out", sys.argv[1]]))
 """
 
 
-@pytest.mark.mends("the import of a wheel on the import path failed")
 def test_the_package_runs_from_a_wheel_on_the_import_path(tmp_path):
     wheel = tmp_path / "tpd-0.2.0-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as file:

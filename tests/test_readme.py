@@ -76,7 +76,6 @@ def test_the_one_example_is_the_descent_in_the_open_and_prints_what_stands_below
     assert capsys.readouterr().out == example.output
 
 
-@pytest.mark.mends("the second block of the README began with a command that failed after the first block")
 def test_the_blocks_of_the_readme_write_every_job_file_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = "\n".join(b.text for b in BLOCKS if b.page == "README.md" and b.language == "sh")
@@ -89,7 +88,6 @@ def test_the_blocks_of_the_readme_write_every_job_file_once(tmp_path, monkeypatc
     assert all(Path(name).exists() for name in read)
 
 
-@pytest.mark.mends("`tpd.optimise(scene)` raised ValueError with the scene of the README above it")
 def test_the_scene_of_the_readme_has_all_that_a_search_needs():
     (example,) = (block for block in BLOCKS if block.mark.startswith("run: "))
     assert "`tpd.optimise(scene)`" in TEXT[README]
@@ -105,14 +103,12 @@ def interrupt(*_):
     raise KeyboardInterrupt
 
 
-@pytest.mark.mends("README and guide gave different seconds for the same commands")
 def test_only_one_page_has_the_seconds_of_commands():
     drawn = [page.name for page in TEXT if re.search(r"^\| `?tpd optimise.*\d \|$", TEXT[page], re.MULTILINE)]
     assert drawn == ["accuracy_and_speed.md"]
     assert "| seconds |" not in TEXT[README]
 
 
-@pytest.mark.mends("no text said how long a validation run is, nor how large its initial disturbance")
 def test_readme_and_guide_say_how_a_validation_run_begins_and_ends():
     runs = tpd.Ensemble()
     assert (runs.periods, runs.tilt, runs.swing) == (100, 0.05, 0.05)
@@ -129,7 +125,6 @@ EXTRAS = set(
 )
 
 
-@pytest.mark.mends("`pip install 'tpd[...]'` would have installed another package, from the index")
 def test_every_pip_command_installs_this_package():
     places = [*TEXT, *(ROOT / "tpd").rglob("*.py"), *(ROOT / "notebooks").glob("*.ipynb")]
     for place in places:

@@ -39,7 +39,6 @@ CALLS = {
 }
 
 
-@pytest.mark.mends("with strict types JAX refused the package's own arithmetic")
 @pytest.mark.parametrize("name", CALLS)
 def test_the_package_computes_if_jax_is_strict_about_types(name):
     with jax.numpy_dtype_promotion("strict"):

@@ -229,7 +229,6 @@ def modes_of(answers: list[dict[str, Any]]) -> set[str]:
 
 
 @needs_node
-@pytest.mark.mends("the page had the wrong sign of the acceleration, and its steps straddled the samples")
 def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push():
     rng, free = np.random.default_rng(0), 3.0
     inputs, expected, units = [], [], []

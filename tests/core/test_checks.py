@@ -408,7 +408,6 @@ def test_a_number_or_an_array_in_any_form_gives_the_same_answer_to_the_last_bit(
     assert said[2].get(call, []) == []
 
 
-@pytest.mark.mends("a misspelt argument, and an old name, had no hint")
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -436,7 +435,6 @@ def test_an_unknown_argument_is_named_with_the_name_that_is_meant(call, message)
         call()
 
 
-@pytest.mark.mends("an old name at the top of the package had no hint")
 def test_an_old_name_at_the_top_is_named_with_the_new_one():
     for old, new in (("study", "details"), ("Segmented", "Nonlinear")):
         with pytest.raises(AttributeError, match=rf"attribute {old}; it is now called `{new}`"):

@@ -72,7 +72,6 @@ def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
     assert table == 'x,word\n0.1,"a,b"\n,c\n'
 
 
-@pytest.mark.mends("tables had the word nan and lists of Python in their cells")
 def test_a_table_has_empty_cells_for_missing_numbers_and_no_lists():
     rows = [(math.nan, ["first note", "second"], 1), (np.float64("nan"), [], None), (math.inf, ("x",), "y")]
     assert files.as_csv(["a", "b", "c"], rows) == "a,b,c\n,first note; second,1\n,,\ninf,x,y\n"
@@ -90,7 +89,6 @@ def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO])
-@pytest.mark.mends("a full disk named no file")
 def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left_of_it(tmp_path, monkeypatch, code):
     path = tmp_path / "out" / "table.csv"
 
@@ -117,7 +115,6 @@ class Small(io.FileIO):
         return super().write(data)
 
 
-@pytest.mark.mends("a full disk left the files of a result that were already written, and new folders")
 @pytest.mark.parametrize("space", [0, 100, 300, 500, 700])
 def test_a_full_disk_leaves_nothing_of_a_result(tmp_path, monkeypatch, space):
     (tmp_path / "mine.txt").write_text("keep me")
@@ -133,7 +130,6 @@ def test_a_full_disk_leaves_nothing_of_a_result(tmp_path, monkeypatch, space):
     assert {p.name for p in (tmp_path / "new" / "out").glob("[!.]*")} == {"a.csv", "b.json", "c.png"}
 
 
-@pytest.mark.mends("files of an earlier result stayed beside a new one without a word")
 def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tmp_path, capsys):
     def write(main, *pictures):
         outputs.write(tmp_path, [(main, "1\n")], {name: lambda: b"picture" for name in pictures})
@@ -161,7 +157,6 @@ def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tm
     assert "d.png" in write("a.json")
 
 
-@pytest.mark.mends("an error named a temporary file, or the file in place of a folder as one that exists")
 def test_a_file_in_place_of_a_folder_and_a_name_that_is_too_long_are_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(NotADirectoryError) as refused:
@@ -174,7 +169,6 @@ def test_a_file_in_place_of_a_folder_and_a_name_that_is_too_long_are_named(tmp_p
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.mends("a full disk, and a link to nothing, were found after the work")
 def test_a_full_disk_and_a_link_to_nothing_are_found_before_the_work(tmp_path, monkeypatch):
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     with pytest.raises(ValueError, match="link is a file, not a directory"):
@@ -189,7 +183,6 @@ def test_a_full_disk_and_a_link_to_nothing_are_found_before_the_work(tmp_path, m
         files.claim(tmp_path / "out", overwrite=False)
 
 
-@pytest.mark.mends("~ stood for a folder of that name")
 def test_a_path_begins_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert files.path_of("~/größe") == tmp_path / "größe"
@@ -199,7 +192,6 @@ def test_a_path_begins_at_home(tmp_path, monkeypatch):
         assert files.path_of(plain) == Path(plain)
 
 
-@pytest.mark.mends("a name in bytes that are no letters ended a report with a traceback")
 def test_names_of_files_are_written_as_text(tmp_path):
     # As Python reads the names under a locale without these letters, and one that is not in UTF-8.
     ours, others = os.fsencode("größe").decode("ascii", "surrogateescape"), "\udcfc"

@@ -21,7 +21,6 @@ def test_numbers(x, text):
     assert number(x) == text
 
 
-@pytest.mark.mends("sentences such as: needs a coefficient of 0.33, but has 0.33")
 @pytest.mark.parametrize(
     ("value", "limit", "digits", "form", "texts"),
     [
@@ -49,7 +48,6 @@ def test_words():
     assert meant("x", ["mass"], listing=False) == meant(3, ["mass"], listing=False) == ""
 
 
-@pytest.mark.mends("a word in capitals, with a hyphen or of an earlier version had no hint")
 @pytest.mark.parametrize(
     ("word", "allowed", "hint"),
     [
@@ -69,7 +67,6 @@ def test_old_names_and_other_spellings_have_a_hint(word, allowed, hint):
     assert meant(word, allowed) == hint
 
 
-@pytest.mark.mends("a percentage had no hint")
 def test_a_decimal_comma_and_a_percentage_have_a_hint():
     assert formatting.number_hint("x = 0,5") == "; write 0.5 with a decimal point, not 0,5"
     assert formatting.number_hint("'20%'") == "; write 0.2 for 20%"

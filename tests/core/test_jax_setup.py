@@ -43,7 +43,6 @@ def run(code, **places):
     return done.returncode, done.stdout.strip(), said
 
 
-@pytest.mark.mends("JAX says at every start that it cannot read a file, and never writes it anew")
 def test_damaged_files_of_jax_are_made_again(tmp_path):
     place = {"XDG_CACHE_HOME": str(tmp_path)}
     values = "[11.0, 20.0, 7.0, -6.0]"
@@ -57,7 +56,6 @@ def test_damaged_files_of_jax_are_made_again(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
-@pytest.mark.mends("in a folder of others what was found was executed, or compiled anew without a word")
 @pytest.mark.parametrize(
     ("name", "mode", "kept"),
     [
@@ -82,7 +80,6 @@ def test_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such users")
-@pytest.mark.mends("a user without a home and an entry in the table of users got a traceback")
 def test_without_a_home_every_run_compiles_and_says_so():
     status, out, (said,) = run(HOMELESS + ASKED)
     assert (status, out) == (0, "None")
@@ -90,7 +87,6 @@ def test_without_a_home_every_run_compiles_and_says_so():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such folder")
-@pytest.mark.mends("that nothing can be stored was said by JAX for every program, or by nobody")
 def test_where_nothing_can_be_written_one_sentence_says_so():
     for name in ("HOME", "JAX_COMPILATION_CACHE_DIR"):
         status, out, (said,) = run(CACHED, **{name: "/proc/nowhere"})

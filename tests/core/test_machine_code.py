@@ -38,7 +38,6 @@ def hits():
     return sum(made.stats.cache_hits.values())
 
 
-@pytest.mark.mends("a damaged file of Numba's cache ended every later process with a traceback of pickle")
 @pytest.mark.parametrize("way", ["cut", "empty", "zeroed"])
 @pytest.mark.parametrize("end", [".nbi", ".nbc"])
 def test_damaged_code_is_compiled_again_and_said(folder, end, way):
@@ -76,7 +75,6 @@ def test_of_processes_that_ask_at_once_one_compiles(tmp_path):
     assert sorted(process.communicate() for process in processes) == [("27.0 0\n", ""), ("27.0 1\n", "")]
 
 
-@pytest.mark.mends("machine code in a folder of others was executed")
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
 @pytest.mark.parametrize("way", ["mode", "owner"])
 def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder, monkeypatch, way):
@@ -94,7 +92,6 @@ def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder
     assert len(said) == 1
 
 
-@pytest.mark.mends("a full disk stopped what the cache was only to speed up")
 @pytest.mark.parametrize(
     ("owner", "name", "why"),
     [
@@ -113,7 +110,6 @@ def test_what_cannot_be_stored_is_compiled_all_the_same(folder, monkeypatch, own
     assert len(said) == 1
 
 
-@pytest.mark.mends("without a home Numba made a folder with the name ~ where the command was given")
 def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(core.files, "_WARNINGS", set())
@@ -179,7 +175,6 @@ def again():
     return copy
 
 
-@pytest.mark.mends("without a private name of Numba nothing could be compiled")
 @pytest.mark.parametrize(("owner", "name"), HIDDEN, ids=[name for _, name in HIDDEN])
 def test_without_a_private_name_of_numba_its_usual_compiler_serves(owner, name, monkeypatch):
     expected = compiled_by({})
@@ -191,7 +186,6 @@ def test_without_a_private_name_of_numba_its_usual_compiler_serves(owner, name, 
     assert not copy._can_compile_parts()
 
 
-@pytest.mark.mends("without a private name of Numba nothing could be compiled")
 def test_a_private_name_that_is_missing_while_a_part_is_compiled_does_not_matter(monkeypatch):
     with monkeypatch.context() as hidden:
         hidden.setattr(numba, "_dynfunc", SimpleNamespace())
@@ -201,7 +195,6 @@ def test_a_private_name_that_is_missing_while_a_part_is_compiled_does_not_matter
     assert machine_code._can_compile_parts()
 
 
-@pytest.mark.mends("without the module of Numba's cache nothing could be compiled")
 def test_without_the_module_of_the_cache_code_is_compiled_every_time(folder, monkeypatch):
     monkeypatch.delattr(numba.core, "caching")
     monkeypatch.setitem(sys.modules, "numba.core.caching", None)

@@ -56,7 +56,6 @@ def test_directions_by_words_and_by_names_of_files():
         assert [name for name in names.split("|") if of_file(name) is not vertical] == []
 
 
-@pytest.mark.mends("a name such as scaled_up made a record vertical, and left it out")
 def test_a_word_in_a_name_decides_only_where_components_stand():
     ordinary = "scaled_up.csv|made-up.txt|start up.csv|a_ver2.csv|cut_down.csv|GROUP.AT2|RIVER.AT2|CLOUD.AT2"
     upward = "up.csv|STN.UP.csv|X01_up.csv|x.UP|RSN1_HECVER.AT2|TCU045-V.AT2|a_vertical.csv|A_UD.csv|b_z.txt"
@@ -122,7 +121,6 @@ def raw_files():
     yield "esm without a word", raw_esm.replace(" BASELINE REMOVED", "")
 
 
-@pytest.mark.mends("an offset of the instrument stayed in uncorrected records and changed the verdict")
 @pytest.mark.parametrize(("name", "text"), list(raw_files()), ids=lambda x: x if len(x) < 20 else "")
 def test_the_mean_of_an_uncorrected_record_is_removed(tmp_path, name, text):
     path = tmp_path / "record.txt"

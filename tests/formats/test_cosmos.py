@@ -30,7 +30,6 @@ def test_a_block_of_velocities_is_checked_and_left_out(tmp_path):
         Record.read_all(path)
 
 
-@pytest.mark.mends("the code of the unit, and words beside the title and the format, were passed over")
 def test_the_whole_line_of_the_unit_counts(tmp_path):
     text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
     for old, new in (

@@ -44,7 +44,6 @@ def test_words_of_a_real_file():
     )
 
 
-@pytest.mark.mends("words beside the unit and the format of the samples were passed over")
 def test_the_whole_line_of_the_unit_counts(tmp_path):
     path = tmp_path / "a.V2"
     for text, old, new in (

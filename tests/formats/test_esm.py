@@ -11,7 +11,6 @@ def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path)
     check(tmp_path, "esm")
 
 
-@pytest.mark.mends("a key with a factor was passed over in silence")
 def test_a_key_with_a_factor_is_not_understood(tmp_path):
     text = esm(400.0 * shaking(100), 0.01)
     assert read(tmp_path, text.replace("USER5: ", "FULL_SCALE_G: 2.0\nSCALE_FACTOR: ")).dt == 0.01

@@ -11,7 +11,6 @@ def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path)
     check(tmp_path, "geonet", "geonet_raw")
 
 
-@pytest.mark.mends("the peak of a velocity was taken for that of an acceleration")
 def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
     text = geonet(3000.0 * shaking(100), 0.01)
     with pytest.raises(UnreadableRecord, match="line 14 must state the peak and its time"):

@@ -14,8 +14,6 @@ def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path)
     check(tmp_path, "knet")
 
 
-@pytest.mark.mends("K-NET's CSV was refused")
-@pytest.mark.mends("rows that are there twice were called a wrong count")
 def test_csv(tmp_path):
     head = (
         "#K-NET CSV\n#OriginTime,Latitude,Longitude,Depth(km),Magnitude\n#2000/01/01 00:00:00,0,0,10,6.0\n"
@@ -48,7 +46,6 @@ def test_csv(tmp_path):
             read(tmp_path, wrong)
 
 
-@pytest.mark.mends("spellings of K-NET's manual were refused")
 def test_spellings_of_the_manual(tmp_path):
     text = written(FORM["knet"]).text
     other = text.replace("Long. ", "Lon.  ").replace("Max. Acc.", "Max Acc.")

@@ -35,7 +35,6 @@ AT2 = "PEER NGA\nQuake, 1/1/2000, PLACE, 090\n{} TIME SERIES IN UNITS OF G\nNPTS
 SAMPLES = " .1000000E+00 -.2000000E-01\n .3000000E-01"
 
 
-@pytest.mark.mends("AT2 files without a last line end, or with words after DT, were refused")
 def test_files_that_people_have(tmp_path):
     for words, end in (("", ""), (",", ""), (", DURATION= .02 SEC", ""), ("  (filtered)", "\n")):
         text = AT2.format("ACCELERATION", words) + SAMPLES
@@ -49,7 +48,6 @@ def test_velocities_are_refused(tmp_path):
         read(tmp_path, AT2.format("VELOCITY", "") + SAMPLES + "\n")
 
 
-@pytest.mark.mends("PEER's verticals had no note")
 def test_directions(tmp_path):
     upward = [(word, "a.AT2") for word in ("UP", "DWN", "V", "UD", "VERT")]
     upward += [("", "R_X-UP.AT2"), ("", "M04UD.AT2")]
@@ -59,7 +57,6 @@ def test_directions(tmp_path):
         assert notes == ["vertical component"] * ((direction, name) in upward)
 
 
-@pytest.mark.mends("negative numbers that touch the one before them were unread")
 def test_negative_numbers_may_touch_the_one_before(tmp_path):
     values = [0.1, -0.2, 0.3, -0.4, -0.25, 0.15]
     for form in ("{: .7E}", "{: .6f}", "{: .5f}"):
@@ -69,7 +66,6 @@ def test_negative_numbers_may_touch_the_one_before(tmp_path):
         np.testing.assert_allclose(read(tmp_path, text).acceleration, G * np.array(values), rtol=1e-4)
 
 
-@pytest.mark.mends("a step in ms was read as one in s, a thousand times too slow")
 def test_a_unit_behind_the_step_counts(tmp_path):
     text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
     for step, dt in (("0.5 MSEC", 5e-4), ("10ms", 0.01), ("10 milliseconds,", 0.01), ("1D-2 S", 0.01)):
@@ -91,7 +87,6 @@ WORDS = {
 }
 
 
-@pytest.mark.mends("a factor, or another word that is not understood, was passed over in silence")
 @pytest.mark.parametrize("place", WORDS)
 def test_a_word_in_the_header_that_is_not_understood_refuses_the_file(tmp_path, place):
     text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
@@ -105,7 +100,6 @@ def test_a_word_in_the_header_that_is_not_understood_refuses_the_file(tmp_path, 
     assert read(tmp_path, text.replace("UNITS OF G", sound).replace("PLACE", "Millikan Library")).dt == 0.01
 
 
-@pytest.mark.mends("a table with NPTS and DT, but without a title of PEER, could not be read with options")
 def test_a_step_and_a_count_without_a_title_are_those_of_a_table(tmp_path):
     count = "NPTS= 4, DT= .01 SEC\n .1 -.2 .3 .4\n"
     assert read(tmp_path, count, unit="g").dt == 0.01
@@ -117,7 +111,6 @@ def test_a_step_and_a_count_without_a_title_are_those_of_a_table(tmp_path):
     assert read(tmp_path, table, skip=1).dt == 0.01
 
 
-@pytest.mark.mends("a number without the letter of its exponent was split, and the count called wrong")
 def test_an_exponent_of_three_digits_has_no_letter(tmp_path):
     text = AT2.format("ACCELERATION", "")
     assert read(tmp_path, text + " .1234500-100-.2000000E-01\n .3000000E-01\n").acceleration[0] < 1e-90

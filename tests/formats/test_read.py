@@ -56,7 +56,6 @@ def test_no_file_a_directory_and_a_file_without_content(tmp_path):
             read(tmp_path, text)
 
 
-@pytest.mark.mends("text of UTF-16 was called a binary file")
 def test_utf_16(tmp_path):
     text = "time (s),acc (g)\n0.00,0.1\n0.01,0.2\n0.02,0.3\n"
     little, big = text.encode("utf-16-le"), text.encode("utf-16-be")
@@ -67,7 +66,6 @@ def test_utf_16(tmp_path):
             read(tmp_path, wrong)
 
 
-@pytest.mark.mends("archives were called binary files of no known format")
 def test_archives_are_refused_by_name(tmp_path):
     for start, kind in ((b"PK\x03\x04", "zip"), (b"7z\xbc\xaf\x27\x1c", "7z"), (b"BZh9", "bzip2")):
         with pytest.raises(UnreadableRecord, match=rf"archive or compressed \({kind}\): unpack it"):
@@ -187,7 +185,6 @@ NO_TEXT = {
 }
 
 
-@pytest.mark.mends("a workbook was called an archive to be unpacked, and an array was said to need ObsPy")
 @pytest.mark.parametrize("name", NO_TEXT)
 def test_what_is_no_text_is_named_with_the_remedy(tmp_path, name):
     data, kind, remedy = NO_TEXT[name]
@@ -215,7 +212,6 @@ def test_a_record_says_which_file_and_channel_it_is_of():
     assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"
 
 
-@pytest.mark.mends("a message about a file of several channels did not name the channel")
 def test_a_message_names_the_channel_that_it_is_about(tmp_path):
     file = tmp_path / "quake.csv"
     file.write_text("time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50)))
@@ -227,9 +223,6 @@ def test_a_message_names_the_channel_that_it_is_about(tmp_path):
             reads(file)
 
 
-@pytest.mark.mends(
-    "what the header of a waveform calls a velocity was an acceleration in the unit of the user"
-)
 @pytest.mark.parametrize(
     ("header", "message"),
     [
@@ -253,7 +246,6 @@ def test_the_header_of_a_waveform_decides(monkeypatch, header, message):
         assert read_as(monkeypatch, trace)[0].peak == 0.5
 
 
-@pytest.mark.mends("the message on a name without a last part began with a colon")
 def test_a_message_on_the_current_folder_names_it():
     with pytest.raises(UnreadableRecord, match=r"^\.: the path is a directory and not a file"):
         Record.read(".")

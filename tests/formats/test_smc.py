@@ -11,7 +11,6 @@ def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path)
     check(tmp_path, "smc", "loma_prieta_1989_0111a.smc.gz")
 
 
-@pytest.mark.mends("words after the title were passed over in silence")
 def test_a_title_has_no_other_words(tmp_path):
     text = smc(300.0 * shaking(100), 0.01)
     for words in ("IN G", "(x 10)", "VELOCITY"):

@@ -123,7 +123,6 @@ def test_more_samples_on_the_same_lines_change_nothing(case, times):
     assert_same(transient(scene, pendulum, free=FREE), transient(finer, pendulum, free=FREE))
 
 
-@pytest.mark.mends("a motion that went on from a state went another way")
 @bounded(40)
 @given(shaken, st.integers(5, SAMPLES - 5))
 def test_a_record_in_two_parts_continues(case, cut):

@@ -45,8 +45,6 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
         read_motions(["fema-p695"])
 
 
-@pytest.mark.mends("verticals counted as motions, VT2 and DT2 beside AT2 stopped the command")
-@pytest.mark.mends("folders within a folder were passed over without a word")
 def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
@@ -67,7 +65,6 @@ def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
 
 
-@pytest.mark.mends("the channels of one file counted as earthquakes of their own")
 def test_channels_of_a_file_that_names_no_earthquake_are_of_one(tmp_path):
     path = tmp_path / "station.csv"
     rows = (f"{0.01 * i:.2f},{a:.5f},{-a:.5f}\n" for i, a in enumerate(0.4 * shaking(100)))
@@ -131,7 +128,6 @@ def of_ages(folder, titles=AGES):
     return agency(folder, **texts)
 
 
-@pytest.mark.mends("PEER headers of three ages made five earthquakes of two, one on both sides of held-out")
 def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
     found, said = read_motions([of_ages(tmp_path / "ages")])
     assert len(set(events_of(found))) == 2
@@ -151,7 +147,6 @@ def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
         grouped(found[:1], {"others": found[1:2]}, 0)
 
 
-@pytest.mark.mends("one earthquake of several formats counted as one of each")
 def test_an_earthquake_is_one_in_all_formats(tmp_path):
     waves = [shaking(100, i) for i in range(7)]
     folder = agency(
@@ -176,7 +171,6 @@ def test_an_earthquake_is_one_in_all_formats(tmp_path):
 KINDS = {"ACC": "ACCELERATION", "VEL": "VELOCITY", "DIS": "DISPLACEMENT"}
 
 
-@pytest.mark.mends("a folder of ESM stopped at its first file of displacements")
 def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_path):
     texts = {
         f"{stream}_{kind}": NS.replace("HNE", stream)
@@ -218,7 +212,6 @@ def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_p
         read_motions([only])
 
 
-@pytest.mark.mends("the uncorrected and the corrected file of one channel counted as two records")
 def test_one_channel_counts_once(tmp_path):
     wave = shaking(100)
     v1, v2 = csmip_v1(0.3 * wave, 0.01), csmip_v2(300.0 * wave, 0.01)
@@ -250,7 +243,6 @@ def test_one_channel_counts_once(tmp_path):
     assert len(read_motions([agency(tmp_path / "others", M_asc=corrected, **others)])[0]) == 4
 
 
-@pytest.mark.mends("a compressed copy beside its file counted as a second record")
 def test_copies_of_a_file_count_once(tmp_path):
     folder = agency(tmp_path / "twice", a_AT2=peer(0.3 * shaking(100), 0.01))
     data = (tmp_path / "twice" / "a.AT2").read_bytes()
@@ -261,7 +253,6 @@ def test_copies_of_a_file_count_once(tmp_path):
     assert "a.AT2.gz (the same as a.AT2); b.AT2 (the same as a.AT2)" in said[0]
 
 
-@pytest.mark.mends("the instrument in the borehole counted beside the one at the surface")
 def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
     texts = {}
     for i, name in enumerate(("NS1", "EW1", "UD1", "NS2", "EW2", "UD2"), 1):
@@ -276,7 +267,6 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
     assert alone[0].notes[-1].startswith("baseline removed: the mean")
 
 
-@pytest.mark.mends("no command said what was read of a record, nor the notes of the reader")
 def test_what_was_read_is_described(tmp_path):
     counts = 4e5 * shaking(100) + 4e4
     folder = agency(tmp_path / "one", XXX001_EW=knet(counts, 0.01))
@@ -334,7 +324,6 @@ BESIDE = {
 """Files that people have beside their records."""
 
 
-@pytest.mark.mends("a folder stopped at a LICENSE, a program or a table of results")
 def test_a_folder_lists_what_it_does_not_use_and_never_stops_at_it(tmp_path):
     folder = tmp_path / "quake"
     folder.mkdir()
@@ -352,7 +341,6 @@ def test_a_folder_lists_what_it_does_not_use_and_never_stops_at_it(tmp_path):
         read_motions([str(folder)])
 
 
-@pytest.mark.mends("`unit` and `dt` stopped at the first file of a folder that states its own")
 def test_options_apply_to_the_files_of_a_folder_that_state_none(tmp_path):
     column = "".join(f"{a:.5f}\n" for a in 30.0 * shaking(100, 5))
     texts = {"a": nameless(1), "b": nameless(2).replace(" (g)", ""), "c": f"acc\n{column}"}
@@ -372,7 +360,6 @@ def in_table(wave, unit="g", digits=5):
     return f"time (s),acc ({unit})\n" + "".join(rows)
 
 
-@pytest.mark.mends("one channel in two units, or raw and filtered, was two motions")
 def test_a_channel_that_is_given_twice_is_one_motion_or_an_error(tmp_path):
     noise = np.convolve(shaking(2000, 3), np.hanning(9) / 4, "same")
     wave, smooth = 0.2 * noise, 0.2 * np.convolve(noise, [0.2, 0.6, 0.2], "same")
@@ -392,7 +379,6 @@ def test_a_channel_that_is_given_twice_is_one_motion_or_an_error(tmp_path):
     assert len(read_motions([folder])[0]) == 3
 
 
-@pytest.mark.mends("only one command warned of an implausible peak")
 def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
     wave = 100.0 * shaking(200)
     wave[50] = 9999.999
@@ -404,7 +390,6 @@ def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
     )
 
 
-@pytest.mark.mends("an empty name stood for all files of the current folder")
 def test_an_empty_name_is_an_error(tmp_path, monkeypatch):
     monkeypatch.chdir(put(tmp_path / "quake", a=nameless(1)))
     for name in ("", " "):

@@ -184,7 +184,6 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
     assert float(train.duration) == pytest.approx(40.0)
 
 
-@pytest.mark.mends("the sample of a motion was that of its place in the list")
 def test_a_motion_keeps_its_samples_in_every_order():
     motions = [tpd.Pulse.ricker(acceleration=x, frequency=1.0) for x in (1.0, 2.0, 3.0)]
     widths = {"slenderness": 0.1, "mass": 0.1}

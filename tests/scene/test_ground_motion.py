@@ -84,7 +84,6 @@ def test_numbers_out_of_range_are_refused(given, said):
         Pulse(**{"kind": "one-sine", "acceleration": 1.0, "frequency": 1.0, **given})
 
 
-@pytest.mark.mends("the numbers of earthquakes depended on the order of the motions")
 def test_earthquakes_have_numbers_by_what_the_motions_contain():
     a, b, c = (Record(np.random.default_rng(i).standard_normal(50), 0.02, name=f"r{i}") for i in range(3))
     motions = [a, b, c, a.scaled(2.0), Pulse.ricker(acceleration=A, frequency=F)]

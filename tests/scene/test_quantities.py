@@ -152,7 +152,6 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
         Axis.of(SCENE, name, PENDULUM).check(value)
 
 
-@pytest.mark.mends("a range of a quantity in another unit was solved")
 @pytest.mark.parametrize(
     ("name", "values", "match"),
     [

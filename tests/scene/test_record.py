@@ -105,7 +105,6 @@ def test_jit_gradients_and_batches():
     assert made == pytest.approx(0.4, rel=1e-15)
 
 
-@pytest.mark.mends("~ stood for a folder of that name")
 def test_a_path_begins_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "a.csv").write_text(
@@ -114,7 +113,6 @@ def test_a_path_begins_at_home(tmp_path, monkeypatch):
     assert Record.read("~/a.csv") == Record.read_all("~/a.csv")[0] == Record.read(tmp_path / "a.csv")
 
 
-@pytest.mark.mends("the peak velocity of a record was that at a sample")
 def test_the_peak_velocity_may_lie_between_two_samples():
     record = Record([0.0, 1.2, -0.8, 0.0], 0.02)
     assert record.pgv == pytest.approx(0.0192, rel=1e-12)

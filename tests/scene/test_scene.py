@@ -71,7 +71,6 @@ UNITS = {
 """Quantities in another unit, each with what the sentence says."""
 
 
-@pytest.mark.mends("a block in mm, a base amplitude of 50 m and a damping in per cent were taken")
 @pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
 def test_quantities_in_another_unit_are_asked_back(make, given, said):
     with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
@@ -80,7 +79,6 @@ def test_quantities_in_another_unit_are_asked_back(make, given, said):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
 def test_a_gravity_in_another_unit_is_asked_back(gravity):
     with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
@@ -95,7 +93,6 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
         assert float(scene.parameters().f) > 10.0
 
 
-@pytest.mark.mends("a block without a stated cavity had one as wide as itself, and walls needed no thickness")
 def test_a_block_has_the_cavity_that_is_stated_and_no_other():
     assert Block(**BLOCK).clear_width == np.inf
     assert Block(**BLOCK, cavity_width=0.07).clear_width == 0.07

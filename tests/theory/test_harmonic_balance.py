@@ -166,7 +166,6 @@ def test_gradients_of_both_branches_are_those_of_differences(form, x):
         assert np.all((np.abs(slopes[..., i] - expected) <= 1e-8 * scale)[there]), name
 
 
-@pytest.mark.mends("in resonance without damping the balance was a division by zero, or had a swing of zero")
 @pytest.mark.parametrize("as_arrays", [False, True])
 def test_the_balance_in_resonance_without_damping_has_no_number_rather_than_zero(as_arrays):
     kind = jnp.asarray if as_arrays else float
