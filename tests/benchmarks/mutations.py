@@ -15,15 +15,16 @@ from __future__ import annotations
 import ast
 import contextlib
 import gc
+import hashlib
 import json
 import os
-import random
 import select
 import signal
 import sys
 import time
 import traceback
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib import import_module, util
 from importlib.machinery import SourceFileLoader
@@ -324,7 +325,7 @@ def first_trials(drawn: list[Place]) -> list[dict[str, Any]]:
     for entry in ("linear", "nonlinear", "orbit"):
         import_module(f"tpd.compiled.{entry}_entry")
     functions = [
-        f for f in gc.get_objects() if isinstance(f, FunctionType) and "tpd" in f.__code__.co_filename
+        f for f in gc.get_objects() if type(f) is FunctionType and "tpd" in f.__code__.co_filename
     ]
 
     def trial(place: Place, known: Known, codes: dict[CodeType, CodeType]) -> bool:
@@ -367,17 +368,25 @@ def second_trial(place: Place, seconds: dict[str, float]) -> bool:
 
 
 def drawn_places(number: int, folders: tuple[str, ...] = FOLDERS) -> list[Place]:
-    """Draw places at random, in the order of the modules."""
-    paths = (path for folder in folders for path in sorted((stored.ROOT / "tpd" / folder).glob("*.py")))
-    modules = [f"{path.parent.name}/{path.stem}" for path in paths]
-    every = [
-        place
-        for module in modules
-        if (stored.ROOT / tests_of(module)[0]).exists()
-        for place in places(module)
+    """Draw places at random, in the order of the modules.
+
+    A place is drawn by a hash of its text, so that a change elsewhere leaves most of the others drawn.
+    """
+    modules = [
+        f"{folder}/{path.stem}"
+        for folder in FOLDERS
+        for path in sorted((stored.ROOT / "tpd" / folder).glob("*.py"))
+        if folder in folders and (stored.ROOT / f"tests/{folder}/test_{path.name}").exists()
     ]
-    drawn = random.Random(SEED).sample(range(len(every)), min(number, len(every)))
-    return [every[i] for i in sorted(drawn)]
+    hashes: list[tuple[bytes, Place]] = []
+    for module in modules:
+        count: Counter[str] = Counter()
+        for place in places(module):
+            count[place.change] += 1
+            text = f"{SEED} {module} {place.change} {count[place.change]}"
+            hashes.append((hashlib.sha256(text.encode()).digest(), place))
+    least = sorted(hash_ for hash_, _ in hashes)[: number + 1][-1]
+    return [place for hash_, place in hashes if hash_ < least]
 
 
 def tried(drawn: list[Place]) -> list[Place]:
