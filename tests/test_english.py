@@ -64,6 +64,11 @@ PARTICIPLES = frozenset(
 """Words that no name consists of: they say what happened to a thing, and not what it is."""
 ALLOWED = frozenset({"tpd.cli.options: parse_known_args", "tpd.scene.status: not_known"})
 """Exceptions: a method that overrides one of argparse, and a public status."""
+VAGUE = re.compile(
+    r"(_|^)(hung|bare|found|told|tells|says?|said|asks?|asked|mee?ts?|tried|judged|nobody|leans?|hangs?|struck|"
+    r"strikes?|spared|fresh|with_it|on_the_way|of_its_own|in_place_of)(_|$)|^(what|it|those|that)_"
+)
+"""Words in names of tests that do not state what must hold."""
 VERBS = re.compile(
     r"\b(is|are|was|were|must|has|have|had|cannot|can|needs?|gives?|does|do|did|may|allowed|ends?|fails?|"
     r"failed|holds?|names?|takes?|reads?|lacks?|moves?|stands?|belongs?|contains?|exists?|"
@@ -129,6 +134,18 @@ def test_no_name_is_a_participle():
         for path in FILES
         for line, name in bound_names(path)
         if words_of(name) & PARTICIPLES and f"{name_of(path)}: {name}" not in ALLOWED
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_the_name_of_a_test_states_what_must_hold():
+    found = [
+        f"{path.name}: {node.name}"
+        for path in sorted((TOP / "tests").rglob("test_*.py"))
+        for node in tree(path).body
+        if isinstance(node, ast.FunctionDef)
+        and node.name.startswith("test_")
+        and VAGUE.search(node.name.removeprefix("test_"))
     ]
     assert not found, "\n".join(found)
 

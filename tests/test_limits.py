@@ -91,7 +91,7 @@ def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
     assert here
 
 
-def test_limits_on_angles_are_what_they_say(geometry):
+def test_limits_on_angles_have_the_stated_size(geometry):
     e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
     np.testing.assert_allclose(geometry.slenderness, nu)
     swing, relative, tilt, _, _, _, _, multiplier, reserve = (
@@ -125,7 +125,7 @@ def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
         assert clearance["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
 
 
-def test_a_worsening_is_relative_to_the_bare_block(geometry):
+def test_a_worsening_is_relative_to_the_block_without_pendulum(geometry):
     e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
     (size,) = evaluate_sizes([worsening], e, geometry, slopes=True)
     np.testing.assert_allclose(size.value, e.tilt / (1.25 * np.array([0.4, 0.1])))
@@ -179,7 +179,7 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert 0.9 < heaviest <= 1.0
 
 
-def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
+def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():
     requirements = Requirements()
     assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
     assert (requirements.allowed, requirements.broken) == (0.01, 0.1)

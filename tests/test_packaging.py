@@ -20,7 +20,7 @@ def numbers(text: str) -> list[int]:
     return [int(x) for x in re.findall(r"\d+", text)]
 
 
-def test_jax_has_the_bounds_that_were_tried():
+def test_jax_has_the_tested_bounds():
     low, high = re.fullmatch(r"jax>=([\d.]+),<([\d.]+)", BOUNDS["jax"]).groups()
     assert numbers(low) == [0, 10]
     assert numbers(low) <= numbers(version("jax")) < numbers(high)
@@ -33,7 +33,7 @@ def test_every_dependency_has_a_lower_bound_that_the_installed_version_keeps():
         assert numbers(version(name)) >= numbers(low[1]), text
 
 
-def test_the_guide_says_how_the_lowest_versions_are_tried():
+def test_the_guide_shows_how_the_lowest_versions_are_tested():
     text = (TOP / "notebooks" / "guide" / "contributing.md").read_text(encoding="utf-8")
     assert "--resolution lowest-direct" in text
 

@@ -109,7 +109,7 @@ def test_only_one_page_has_the_seconds_of_commands():
     assert "| seconds |" not in TEXT[README]
 
 
-def test_readme_and_guide_say_how_a_validation_run_begins_and_ends():
+def test_readme_and_guide_describe_how_a_validation_run_begins_and_ends():
     runs = tpd.Ensemble()
     assert (runs.periods, runs.tilt, runs.swing) == (100, 0.05, 0.05)
     assert (runs.tilt_rate, runs.swing_rate) == (0.05, 0.05)
@@ -152,7 +152,7 @@ def test_job_files_are_understood(block):
     assert (job.conditions is not None) == ("[conditions]" in block.text or "records" in block.text)
 
 
-def test_every_command_is_shown_and_the_readme_says_what_each_answers():
+def test_every_command_is_shown_with_its_question():
     assert {command[0] for command in COMMANDS} == set(VERBS)
     rows = re.findall(r"^\| `tpd (\w+)", TEXT[README], flags=re.MULTILINE)
     assert list(dict.fromkeys(rows)) == list(VERBS)

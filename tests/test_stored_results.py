@@ -34,7 +34,7 @@ def test_a_record_takes_one_line_and_is_read_back():
     assert '{"a": 1.235, "b": [null, 2]},' in text.splitlines()
 
 
-def test_what_is_stored_is_drawn_and_goes_stale_with_the_version(tmp_path, monkeypatch):
+def test_stored_results_are_drawn_and_become_stale_with_the_version(tmp_path, monkeypatch):
     monkeypatch.setattr(stored, "RESULTS", tmp_path)
     assert stored.is_stale("commands")
     assert "Not measured" in stored.drawn("commands")

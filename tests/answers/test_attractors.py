@@ -16,7 +16,7 @@ def without():
     return attractors(BARE_BLOCK)
 
 
-def test_a_bare_block_rocks_rests_or_overturns(without):
+def test_a_block_without_pendulum_rocks_rests_or_overturns(without):
     assert {a.status for a in without} == {"rocking", "rest", "overturned"}
     assert sum(a.share for a in without) == pytest.approx(1.0)
     assert sorted(i for a in without for i in a.starts) == list(range(64))
@@ -44,7 +44,7 @@ def test_an_attractor_is_the_steady_state_of_its_starts(without):
     assert (rocking.symmetric, rocking.periods) == (True, 1)
 
 
-def test_mirror_images_are_one_motion_and_periods_are_told_apart():
+def test_mirror_images_are_one_motion_and_periods_are_distinguished():
     # Period three, which lives beside others.
     found = attractors(parameters((0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)))
     assert any(a.periods == 3 for a in found)
@@ -52,7 +52,7 @@ def test_mirror_images_are_one_motion_and_periods_are_told_apart():
     assert len(seen) == len(set(seen))
 
 
-def test_chaos_is_told_from_slow_decay():
+def test_chaos_is_distinguished_from_slow_decay():
     # With so small a tolerance the decay is followed, and not cut short by Newton's method.
     chaotic, slow = (
         attractors(parameters(x), starts=Starts(size=6), model=model)

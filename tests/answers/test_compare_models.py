@@ -12,7 +12,7 @@ from tpd.scene.parameters import as_arrays
 PENDULUM = Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
 
 
-def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
+def test_a_check_has_every_requested_model_and_the_nonlinear_one():
     calls = []
     quick = ("uplift", "exact")
     found = check(
@@ -43,7 +43,7 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     assert same.without == pytest.approx(found.without, rel=1e-6)
 
 
-def test_what_does_not_hold_is_said():
+def test_a_violated_assumption_is_reported():
     scene = paper_scene()
     resonant = scene.pendulum(mass_ratio=0.1, length_ratio=0.20964589, damping_ratio=0.1)
     found = check(scene, resonant, swing_limit=1.5, models=("exact",))
@@ -52,7 +52,7 @@ def test_what_does_not_hold_is_said():
     assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
 
 
-def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
+def test_models_without_impact_loss_do_not_answer_for_a_block_with_impact_loss():
     scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().excitation)
     found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
     none = [r for r in found.models if r.status == "no impacts"]

@@ -46,7 +46,6 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     return "not_known", math.nan, math.nan
 
 
-@pytest.mark.mends("names that the commands accept were rejected")
 def test_names_are_those_of_the_commands():
     x, y = [0.02, 0.1], [0.05, 0.1]
     for names, their in (
@@ -131,7 +130,7 @@ def test_from_a_start_cells_are_what_is_settled_into():
     assert not m.exact.all()
 
 
-def test_progress_is_told_and_ends_with_all():
+def test_progress_is_reported_up_to_the_last_cell():
     seen: list[tuple[int, int]] = []
     design_map(WITHOUT, ("xi", [1.5, 2.0]), LINE, progress=lambda *n: seen.append(n))
     assert seen == [(4, 4)]
@@ -182,7 +181,6 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     assert ax.figure.axes[1].get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
 
 
-@pytest.mark.mends("a map said that there is no orbit where another kind of motion attracts")
 @pytest.mark.parametrize(
     "x",
     [
@@ -190,7 +188,7 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
         (0.155, 0.3546, 0.608, 0.0891, 0.0442, 0.122, 1.5464, 0.8054),
     ],
 )
-def test_where_no_orbit_is_found_the_map_does_not_claim_that_there_is_none(x):
+def test_a_map_without_an_orbit_does_not_claim_that_none_exists(x):
     p = Parameters(**dict(zip(("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"), x, strict=True)))
     axes = ("zeta", [p.zeta, 1.001 * p.zeta]), ("f", [p.f, 1.0001 * p.f])
     m = design_map(p, *axes)

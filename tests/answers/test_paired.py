@@ -266,7 +266,6 @@ def test_rests_less_where_significantly_fewer_rest_than_nine_tenths(fewer, more,
     assert paired(with_it, without).rests_less is less
 
 
-@pytest.mark.mends("under earthquakes 54 to 81 % of the quoted intervals contained the truth")
 @pytest.mark.parametrize(("measure", "truth", "earthquakes"), [("tilt", 0.08, 22), ("overturning", 0.16, 11)])
 def test_reductions_of_runs_that_decided_contain_the_truth(measure, truth, earthquakes):
     """A part of the benchmark `quoted`, whose stored results are tested as a whole below."""

@@ -186,7 +186,7 @@ def test_continuation_passes_where_the_orbit_repels() -> None:
     np.testing.assert_allclose(back.state, without().state, rtol=0.0, atol=1e-13)
 
 
-def test_fold_is_told_and_refused() -> None:
+def test_a_fold_has_a_status_and_no_derivative() -> None:
     """Followed down in f until the orbit is gone: next to its end the status says so, the fold's margin
     vanishes, and there are no derivatives."""
     x, orbit, step = np.array((*WITHOUT[0].x, 1.0)), without(), 0.01
@@ -212,7 +212,7 @@ NOT_THERE = {
 
 
 @pytest.mark.parametrize("status", NOT_THERE)
-def test_no_orbit_says_why(status: str) -> None:
+def test_a_missing_orbit_has_a_status_with_the_reason(status: str) -> None:
     x, y0 = NOT_THERE[status]
     orbit = near(x, y0, max_events=32)
     assert status_name(orbit.status) == status
@@ -265,7 +265,7 @@ def test_derivatives_that_are_not_known_are_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])
-def test_symmetric_orbits_are_found_again(kind: str) -> None:
+def test_symmetric_orbits_are_periodic_orbits(kind: str) -> None:
     same = np.array([0, 2, 3, 4, 5])
     for x, one in chosen(3, kind):
         answer = carried(x, near(x, one.state))

@@ -34,7 +34,7 @@ def fold() -> Bifurcation:
     return found
 
 
-def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
+def test_symmetry_breaks_and_sticking_begins_where_the_branches_end():
     breaking, sticking = without_it().bifurcations
     assert (breaking.kind, sticking.kind) == (Kind.symmetry_breaking, Kind.sticking)
     assert breaking.value == pytest.approx(1.0443, abs=5e-5)

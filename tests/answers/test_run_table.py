@@ -89,7 +89,6 @@ def test_bad_input_is_one_sentence(factors, free, said):
         follow_scaled(STATUE, (None,), MOTIONS, factors, free=free)
 
 
-@pytest.mark.mends("the share of ground motions that overturn a block had an interval over runs")
 def test_the_interval_of_a_share_counts_earthquakes():
     table = follow_scaled(STATUE, (None,), MOTIONS, FACTORS, free=5.0).reshape(6)
     share = table.share_overturned

@@ -67,7 +67,6 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
             assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
 
 
-@pytest.mark.mends("cells without an answer counted as overturned")
 def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch):
     known = spectrum(PENDULUM)
     unanswered(monkeypatch, largest)
@@ -79,13 +78,11 @@ def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch)
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [2, 2])
 
 
-@pytest.mark.mends("without any answer no cell was safe")
 def test_without_any_answer_no_share_is_known(monkeypatch):
     unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
     assert np.isnan(spectrum().safe()).tolist() == [True]
 
 
-@pytest.mark.mends("cells without an answer had the colour of those that stand")
 def test_cells_without_an_answer_are_drawn(monkeypatch):
     unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, MU] > 0.0))
     without, with_it = tpd.plot(spectrum(PENDULUM))
@@ -96,7 +93,6 @@ def test_cells_without_an_answer_are_drawn(monkeypatch):
     assert with_it.get_legend() is not None
 
 
-@pytest.mark.mends("the tilt up to where the bound on events ended a motion was given as its largest")
 def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
     known = rocking()
     unanswered(monkeypatch, middle)
@@ -110,7 +106,6 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [1, 1])
 
 
-@pytest.mark.mends("blocks without an answer were not drawn as such")
 def test_blocks_without_an_answer_are_drawn(monkeypatch):
     assert not any("no answer" in line.get_label() for line in tpd.plot(rocking()).lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, MU] > 0.0))

@@ -73,7 +73,6 @@ def explicit(tops, clusters):
     return variance, np.trace(products) ** 2 / np.sum(products**2)
 
 
-@pytest.mark.mends("intervals of few clusters of different sizes held the truth in 88 to 94 % of the cases")
 def test_degrees_of_freedom_and_limits_are_those_of_explicit_matrices():
     rng = np.random.default_rng(3)
     for n in (2, 5, 40):
@@ -91,7 +90,6 @@ def test_degrees_of_freedom_and_limits_are_those_of_explicit_matrices():
         assert found.high - found.mean == pytest.approx(min(width, 1.0 - found.mean), rel=1e-2)
 
 
-@pytest.mark.mends("of 512 runs of which 2 % overturned, 88 % of the intervals held the truth")
 def test_exact_coverage_of_rare_differences_is_at_least_94_per_cent():
     n, counts = 512, np.arange(61)
     limits = [changed(np.arange(n) < k) for k in counts]
@@ -103,7 +101,6 @@ def test_exact_coverage_of_rare_differences_is_at_least_94_per_cent():
         assert stats.binom.pmf(counts, n, p) @ held > 0.94
 
 
-@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
 @pytest.mark.parametrize("n", [2, 3, 6, 20, 512])
 def test_rare_differences_are_within_the_interval_of_clusters_that_saw_none(n):
     for found in (changed(np.zeros(n)), changed(np.zeros(3 * n), np.repeat(np.arange(n), 3))):
@@ -128,7 +125,6 @@ def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
     assert not below.low > 0.0
 
 
-@pytest.mark.mends("the interval of samples that had to pass contained the truth in half of the cases")
 @pytest.mark.parametrize("truth", [0.08, 0.16, 0.3])
 def test_an_interval_that_allows_for_the_decision_contains_the_truth_of_samples_that_pass(truth):
     """The normal distribution itself: a sample passes above a threshold."""
@@ -167,7 +163,6 @@ def test_a_quantity_that_did_not_decide_is_corrected_by_its_correlation():
     assert conditional_interval(unknown, of, 0.1) == unknown
 
 
-@pytest.mark.mends("a fall of runs that were all alike had an interval without a width")
 def test_a_fall_of_runs_that_are_all_alike_has_a_width():
     for pendulum, without in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
         found = fall(np.full(18, pendulum), np.full(18, without), np.repeat(np.arange(6), 3), least=0.02)
@@ -175,7 +170,6 @@ def test_a_fall_of_runs_that_are_all_alike_has_a_width():
         assert found.high - found.low > 0.3
 
 
-@pytest.mark.mends("earthquakes that all ended alike gave a median whose interval had no width")
 def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
     hits = np.tile([0.0, 1.0, 0.0, 1.0], (6, 1))
     found = fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), hits)
@@ -188,7 +182,6 @@ def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
     assert 0.0 < low < high < math.inf
 
 
-@pytest.mark.mends("two runs that were both worse were a significant harm")
 def test_few_values_that_are_all_alike_are_no_significant_mean():
     assert not is_positive(np.ones(2))
     assert not is_positive(np.full(4, 0.1))
@@ -217,7 +210,6 @@ def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():
     assert math.isnan(fall(np.zeros(0), np.zeros(0)).mean)
 
 
-@pytest.mark.mends("more than 1023 pairs that differ were beyond the numbers of a double")
 @pytest.mark.parametrize(("motions", "least"), [(40, 12), (4000, 1024)])
 def test_the_paired_test_is_that_of_mcnemar(motions, least):
     rng = np.random.default_rng(3)
@@ -228,7 +220,6 @@ def test_the_paired_test_is_that_of_mcnemar(motions, least):
         assert x + y >= least
 
 
-@pytest.mark.mends("pairs without an answer were left out of the paired test, whatever they could have been")
 def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
     rng = np.random.default_rng(5)
     for i in range(40):
@@ -272,8 +263,6 @@ SEPARATED = [
 ]
 
 
-@pytest.mark.mends("a dispersion that no stripe sees was an artefact of clipped logarithms")
-@pytest.mark.mends("a band around separated outcomes was narrower than the stripes allow")
 @pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
 def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(counts, motions, passes):
     stripes = np.arange(1.0, len(counts) + 1.0)
@@ -297,7 +286,6 @@ def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(count
     np.testing.assert_allclose(fit.probability(stripes), shares[1:-1])
 
 
-@pytest.mark.mends("one stripe gave a dispersion of 1, where the search began")
 def test_one_stripe_sees_no_dispersion():
     for count, median in ((3, math.inf), (5, 2.0), (8, 0.0)):
         fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
@@ -316,7 +304,6 @@ def test_a_change_that_rounds_to_zero_is_called_a_reduction():
         assert Interval(*numbers).fall_in_words() == words
 
 
-@pytest.mark.mends("a share that grows slowly was said not to grow")
 def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_none():
     stripes = np.array([0.5, 1.0, 2.0, 4.0])
     fit = fit_lognormal(stripes, outcomes([10, 12, 14, 16], 40))
@@ -330,7 +317,6 @@ def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_no
         assert "does not grow" in str(fit)
 
 
-@pytest.mark.mends("fits were given up below a bound on the slope, and others ended beside their maximum")
 def test_random_fits_are_maxima_or_have_none():
     rng, seen = np.random.default_rng(35), {"maximum": 0, "separated": 0, "flat": 0}
     for _ in range(200):
@@ -364,8 +350,6 @@ def test_random_fits_are_maxima_or_have_none():
     assert seen["maximum"] > 100
 
 
-@pytest.mark.mends("the scores of one motion add up to zero, and its interval had no width")
-@pytest.mark.mends("two earthquakes gave an interval of no width")
 @pytest.mark.parametrize("rows", [[[0, 1, 0, 1, 1]], [[0, 1, 0, 1, 1], [0, 0, 1, 1, 1]]], ids=["one", "two"])
 def test_one_earthquake_or_two_show_no_spread(rows):
     stripes, hits = np.arange(1.0, 6.0), np.array(rows, dtype=float)
@@ -378,7 +362,6 @@ def test_one_earthquake_or_two_show_no_spread(rows):
         np.testing.assert_array_equal(fit.band(np.array([1.0, 3.0])), [[0.0, 0.0], [1.0, 1.0]])
 
 
-@pytest.mark.mends("without any known outcome the median was said to be above the stripes")
 def test_without_outcomes_there_is_no_median():
     fit = fit_lognormal(np.array([1.0, 2.0]), np.full((5, 2), np.nan))
     assert math.isnan(fit.median)
@@ -386,7 +369,6 @@ def test_without_outcomes_there_is_no_median():
     np.testing.assert_array_equal(fit.band(np.array([0.5, 1.5, 3.0])), [[0.0] * 3, [1.0] * 3])
 
 
-@pytest.mark.mends("outcomes above the stripes had no band")
 def test_outcomes_that_are_all_the_same_bound_the_probability():
     never, always = (fit_lognormal(np.array([1.0, 2.0, 3.0]), np.full((20, 3), x)) for x in (0.0, 1.0))
     assert (str(never), never.interval()) == ("median above the stripes, dispersion unknown", (3.0, math.inf))
@@ -404,7 +386,6 @@ def test_large_counts_and_close_stripes_lose_no_digits():
     assert near.dispersion * 1e6 == pytest.approx(wide.dispersion, rel=1e-7)
 
 
-@pytest.mark.mends("intervals of few motions were those of many")
 def test_few_earthquakes_have_the_wider_quantile_of_student():
     hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
     fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits)
@@ -427,7 +408,6 @@ def test_the_interval_covers_and_takes_a_motion_as_one():
     assert np.median(width) == pytest.approx(2 * 1.959964 * 0.5 / math.sqrt(40), rel=0.15)
 
 
-@pytest.mark.mends("two records of an earthquake counted as two observations in the interval of a share")
 def test_a_share_over_clusters_has_the_interval_of_as_many_observations():
     hits = np.array([True, True, False, False, True, False])
     found = Share.of(hits, np.array([0, 0, 1, 1, 2, 2]))

@@ -57,7 +57,7 @@ def test_an_inertia_ratio_left_out_is_tied_to_the_slenderness():
 
 
 @pytest.mark.usefixtures("raises_within_programs")
-def test_throw_raises_what_the_status_says():
+def test_throw_raises_the_message_of_the_status():
     steady = steady_state(parameters(STILL.x), y0=np.array(REST), throw=True)
     assert (status_name(steady.status), float(steady.amplitude)) == ("rest", 0.0)
     assert status_name(steady_state(parameters(OVERTURNING)).status) == "overturned"
@@ -128,7 +128,6 @@ def test_parameters_out_of_range_are_refused(name, value, message):
         Parameters(**{**good, name: value})
 
 
-@pytest.mark.mends("a block at rest was said to rock, held for a part of every period")
 @pytest.mark.parametrize("mu", [0.2, 0.197])
 def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
     p = parameters((0.25, mu, 1.2, 0.1, 0.05, 0.377, 2.67))
@@ -138,7 +137,6 @@ def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
     assert settled.swing == pytest.approx(0.0744690, rel=1e-6)
 
 
-@pytest.mark.mends("derivatives in a start were always zero")
 def test_numbers_of_any_type_and_starts_have_derivatives():
     def settled(mu, k=0.0, y0=(0.0, 0.0, 0.0, 0.0), zeta=0.1):
         p = Parameters(nu=0.25, mu=mu, lam=0.5, zeta=zeta, k=k, f=0.3, xi=2.5)
@@ -347,7 +345,6 @@ def compared(answer, exact):
     return str(names_of(found.status)), float(found.estimate)
 
 
-@pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
 @pytest.mark.parametrize(
     ("answer", "exact", "expected", "error"),
     [

@@ -207,7 +207,6 @@ def times_of(x, *, with_it=True, y0=None):
     return jnp.stack([getattr(found, name) for name in TIMES])
 
 
-@pytest.mark.mends("derivatives of times were zero")
 # Of a block that overturns the uplift alone, of a bare one the block's own times.
 @pytest.mark.parametrize(
     ("size", "with_it", "known"), [(2.1, True, [0, 1, 2, 3]), (2.1, False, [0, 3]), (8.0, True, [3])]
@@ -226,7 +225,6 @@ def test_times_have_the_derivatives_of_differences(size, with_it, known):
         assert np.all(errors.min(axis=0) < 1e-6), (j, errors)
 
 
-@pytest.mark.mends("derivatives of times were zero")
 @pytest.mark.parametrize(
     ("size", "y0", "unknown"),
     [
@@ -252,9 +250,6 @@ def numbers_of(found) -> jax.Array:
     return jnp.concatenate([jnp.stack([getattr(found, name) for name in NUMBERS]), found.state])
 
 
-@pytest.mark.mends(
-    "the derivatives in the samples of a record were NaN, and spoilt all others in forward mode"
-)
 @pytest.mark.parametrize("with_it", [PENDULUM, None])
 def test_the_samples_of_a_record_have_the_derivatives_of_differences(with_it):
     rng = np.random.default_rng(2)
@@ -283,9 +278,6 @@ def test_the_samples_of_a_record_have_the_derivatives_of_differences(with_it):
     assert by_width[known] == pytest.approx(quotient[known], rel=1e-5, abs=1e-6)
 
 
-@pytest.mark.mends(
-    "the derivatives in the cycles and the phase of a pulse were NaN, though they were promised"
-)
 def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
     @jax.jit
     def numbers(x):
@@ -301,7 +293,6 @@ def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
         assert forward[:, j] == pytest.approx(quotient, rel=1e-6, abs=1e-8)
 
 
-@pytest.mark.mends("second derivatives raised an error of the compiled code's interface")
 def test_second_derivatives_are_refused():
     def tilt(x):
         return tpd.transient(column(sine(x[0])), bob(length=x[1])).tilt
@@ -355,7 +346,6 @@ def test_nonlinear_motions_tend_to_the_linear_ones_of_slender_blocks():
     assert np.log2(np.array(errors[0]) / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.mends("derivatives of times were zero")
 def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
     names = ("tilt", "swing", *TIMES)
 
@@ -381,7 +371,6 @@ def test_a_nonlinear_motion_has_a_status():
     assert end(sine(2.0), None, max_events=4)[1][0] == "event_bound"
 
 
-@pytest.mark.mends("a time of overturning was the end of a step or a window, up to 6 % too late")
 @pytest.mark.parametrize("nonlinear", [True, False])
 @pytest.mark.parametrize("with_it", [None, PENDULUM])
 def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
@@ -409,7 +398,6 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
             assert float(coarse.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-5)
 
 
-@pytest.mark.mends("a time of overturning was the end of a step or a window, up to 6 % too late")
 @pytest.mark.parametrize("nonlinear", [True, False])
 def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonlinear):
     train = tpd.Pulse.sine_train(acceleration=0.5 * GRAVITY, frequency=0.8, cycles=6)

@@ -324,9 +324,7 @@ def first_trials(drawn: list[Place]) -> list[dict[str, Any]]:
     import_module("tests.conftest")
     for entry in ("linear", "nonlinear", "orbit"):
         import_module(f"tpd.compiled.{entry}_entry")
-    functions = [
-        f for f in gc.get_objects() if type(f) is FunctionType and "tpd" in f.__code__.co_filename
-    ]
+    functions = [f for f in gc.get_objects() if type(f) is FunctionType and "tpd" in f.__code__.co_filename]
 
     def trial(place: Place, known: Known, codes: dict[CodeType, CodeType]) -> bool:
         for function in functions:

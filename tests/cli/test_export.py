@@ -84,7 +84,6 @@ def test_model_without_motion_needs_none(tmp_path, monkeypatch):
     assert 'mass="9000.0"' in (tmp_path / "model.xml").read_text()
 
 
-@pytest.mark.mends("the export of a model imported JAX and took five seconds in place of one")
 @pytest.mark.parametrize(
     "words", ["export --as opensees --width 1 --height 6 --mass 9000 --record el-centro", "record el-centro"]
 )

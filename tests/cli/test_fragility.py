@@ -34,7 +34,6 @@ def test_fragility_over_records(run):
     assert "With fewer than 5 earthquakes these counts do not predict other earthquakes." in done.out
 
 
-@pytest.mark.mends("`tpd fragility` did not give the coefficient of friction that its runs need")
 def test_the_friction_of_the_runs_is_compared_with_that_of_the_base(run):
     block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.34 --intensity pga"
     done = run("fragility", block, "--records el-centro --scales 0.32 0.45")
@@ -42,7 +41,6 @@ def test_the_friction_of_the_runs_is_compared_with_that_of_the_base(run):
     assert f"SLIDES WHILE IT ROCKS: {needs}" in " ".join(done.out.split())
 
 
-@pytest.mark.mends("runs without a solution were counted without a message")
 def test_runs_without_a_solution_are_reported(run, monkeypatch):
     # These are all motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
@@ -69,7 +67,6 @@ def test_invalid_intensities_are_rejected(run, words, sentence):
 TIMELESS = "".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200)))
 
 
-@pytest.mark.mends("`fragility` had no --unit and no --dt, and its messages named arguments of Python")
 def test_unit_and_step_can_be_given_and_files_without_motion_are_listed(run, tmp_path):
     folder = tmp_path / "quakes"
     folder.mkdir()
@@ -83,7 +80,6 @@ def test_unit_and_step_can_be_given_and_files_without_motion_are_listed(run, tmp
     assert "a.VT2 (velocity)" in done.out
 
 
-@pytest.mark.mends("only the second of two folders of the same name was used")
 def test_validation_folders_of_the_same_name_are_two_groups(tmp_path):
     words = [str(tmp_path / name / "q") for name in ("one", "other")]
     for word in words:
@@ -95,7 +91,6 @@ def test_validation_folders_of_the_same_name_are_two_groups(tmp_path):
     assert set(job.validation_share) == set(words)
 
 
-@pytest.mark.mends("--intensity pga was in m/s^2, but --pga in g")
 @pytest.mark.parametrize("words", ["pga", "sa --period 0.5"])
 def test_accelerations_are_in_g_and_the_unit_is_printed(run, words):
     done = run("fragility", COLUMN, "--records el-centro --scales 0.2 0.6 --intensity", words)
@@ -113,7 +108,6 @@ def test_accelerations_are_in_g_and_the_unit_is_printed(run, words):
     assert curves.unit == "m/s^2"
 
 
-@pytest.mark.mends("PGA/(g tan alpha) was not explained")
 def test_the_default_intensity_is_explained(run):
     text = run("fragility", COLUMN, "--records el-centro --scales 1 4").out
     assert text.count("1 = the acceleration that lifts the block") == 1

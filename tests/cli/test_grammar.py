@@ -116,7 +116,6 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
         assert list((tmp_path / f"tpd-{command}").glob("*.csv"))
 
 
-@pytest.mark.mends("`python -OO` has no docstrings: the help began with None")
 def test_help_needs_no_docstrings():
     command = [sys.executable, "-OO", "-m", "tpd", "--help"]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -124,7 +123,6 @@ def test_help_needs_no_docstrings():
     assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
 
 
-@pytest.mark.mends("~ was taken for a folder of that name")
 def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     read = parser().parse_args(
@@ -136,7 +134,6 @@ def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     assert parser().parse_args(["fragility"]).out == Path("tpd-fragility")
 
 
-@pytest.mark.mends("`python -m tpd` did not run")
 def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
     done = subprocess.run([sys.executable, "-m", "tpd", "optimize"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
@@ -144,7 +141,6 @@ def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
     assert "did you mean `optimise`?" in done.stderr
 
 
-@pytest.mark.mends("the words of a command could not be completed")
 @pytest.mark.parametrize(("line", "word"), [("tpd opt", "optimise"), ("tpd shake --rec", "--record")])
 def test_a_shell_completes_the_words_of_a_command(line, word, tmp_path):
     pytest.importorskip("argcomplete")
@@ -168,7 +164,6 @@ UNITS = re.compile(
 """Units of the numbers of options, and words for numbers without a unit."""
 
 
-@pytest.mark.mends("the help of some numbers stated no unit")
 @pytest.mark.parametrize("command", grammar.COMMANDS)
 def test_the_help_states_the_unit_of_every_number(command):
     commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]

@@ -50,7 +50,6 @@ def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
 
 
 @EACH
-@pytest.mark.mends("the statue's template named another default of the restitution than the package has")
 def test_the_defaults_in_comments_are_those_of_the_package(kind):
     text = new.template(kind)
     (line,) = [line for line in text.splitlines() if re.match(r"(# )?restitution = ", line)]
@@ -64,7 +63,6 @@ def test_the_defaults_in_comments_are_those_of_the_package(kind):
 
 
 @EACH
-@pytest.mark.mends("the paper's template lost its restitution of 1 as soon as its block had another width")
 def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind):
     text = new.template(kind)
     changed = re.sub(
@@ -104,7 +102,6 @@ def inputs(monkeypatch, tmp_path) -> dict:
 
 
 @EACH
-@pytest.mark.mends("a job file of `tpd new` was rejected with records: `site.gravity` is for harmonics")
 def test_every_template_accepts_records(kind, inputs, tmp_path):
     text = new.template(kind).replace("gravity = 9.80665", "gravity = 9.79")
     (tmp_path / "mine.toml").write_text(text)
@@ -116,7 +113,6 @@ def test_every_template_accepts_records(kind, inputs, tmp_path):
     assert {x.name for x in inputs["limits"]} == {x.name for x in job.limits} - {"worsening", "reserve"}
 
 
-@pytest.mark.mends("widths in the table [scatter] of a job were rejected with records")
 def test_the_scatter_of_a_job_applies_to_the_validation_runs(inputs, tmp_path):
     text = new.template("tower").replace("# [scatter]", "[scatter]").replace("# length = ", "length = ")
     (tmp_path / "tower.toml").write_text(text)
@@ -124,7 +120,6 @@ def test_the_scatter_of_a_job_applies_to_the_validation_runs(inputs, tmp_path):
     assert (inputs["ensemble"].length, inputs["ensemble"].damping) == (0.02, 0.2)
 
 
-@pytest.mark.mends("keys that conflict with records were not reported")
 def test_keys_without_effect_on_records_are_reported(inputs, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, message in (
@@ -147,7 +142,6 @@ def test_a_file_that_exists_is_left_alone(tmp_path):
     assert out.read_text() == "keep me"
 
 
-@pytest.mark.mends("a full disk left a part of a job file, and the message named the wrong file")
 def test_no_part_remains_of_a_file_that_cannot_be_written(tmp_path, monkeypatch):
     class Full(io.FileIO):
         def write(self, _):

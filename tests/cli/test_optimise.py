@@ -80,7 +80,6 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
     assert stored.status.name == content["status"]
 
 
-@pytest.mark.mends("all values of `--seed` used the same validation runs")
 @pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
 def test_a_seed_on_the_command_line_is_that_of_optimise(run_with, tmp_path, more):
     (tmp_path / "small.toml").write_text(BAND + more)
@@ -184,7 +183,6 @@ def test_a_design_is_simulated_under_another_record(on_records, tmp_path):
     assert "`tpd response` needs a harmonic motion, but the job has records" in done.err
 
 
-@pytest.mark.mends("the report did not describe the files of records")
 def test_the_report_describes_every_record(on_records):
     first = on_records[1]
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
@@ -217,7 +215,6 @@ def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):
     assert lines[1] == "left out: a.AT2 (velocity)"
 
 
-@pytest.mark.mends("the records for validation were not described")
 def test_validation_records_of_the_same_earthquake_are_reported(tmp_path):
     texts = {"a.AT2": "1/2/1999", "b.AT2": "01/02/99", "c.AT2": "1/2/1990"}
     for i, (name, day) in enumerate(texts.items()):

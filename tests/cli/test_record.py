@@ -29,7 +29,6 @@ def table(tmp_path):
     return write
 
 
-@pytest.mark.mends("no command described a record before it was used")
 def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     done = call("record", table("m/s2"))
@@ -48,7 +47,6 @@ def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypat
     assert [p.name for p in tmp_path.iterdir()] == ["quake.csv"]
 
 
-@pytest.mark.mends("a wrong unit did not lead to a warning")
 @pytest.mark.parametrize(("unit", "shown"), [("g", "3 g"), ("mm/s2", "0.0003059 g")])
 def test_an_implausible_size_is_a_warning(table, unit, shown):
     done = call("record", table(unit))
@@ -94,7 +92,6 @@ def test_invalid_input_gets_one_sentence(words, message, tmp_path):
     assert len(done.err.splitlines()) == 1
 
 
-@pytest.mark.mends("a record named with $ had no picture, and no reason was given")
 def test_a_name_with_dollars_has_a_picture(table, tmp_path):
     path = tmp_path / "$1_$2.csv"
     table("m/s2", name=path.name)
@@ -105,13 +102,11 @@ def test_a_name_with_dollars_has_a_picture(table, tmp_path):
     assert done.files.keys() == {"records.csv", "record_1.png"}
 
 
-@pytest.mark.mends("the peaks that are printed were those of the samples")
 def test_peaks_between_the_samples_are_printed(tmp_path):
     (tmp_path / "a.csv").write_text("time (s),acc (m/s2)\n0.00,0\n0.02,1.2\n0.04,-0.8\n0.06,0\n")
     assert "peak velocity (PGV)      0.0192 m/s" in call("record", str(tmp_path / "a.csv")).out
 
 
-@pytest.mark.mends("an empty name stood for all files of the current folder")
 def test_an_empty_name_is_an_error(table, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     table("m/s2")
@@ -120,7 +115,6 @@ def test_an_empty_name_is_an_error(table, tmp_path, monkeypatch):
     assert "the name of a record must not be empty" in stderr.getvalue()
 
 
-@pytest.mark.mends("only `tpd record` warned of an implausible peak")
 def test_other_commands_warn_of_an_implausible_peak(table, tmp_path):
     block = "--width 0.5 --height 2.5 --mass 1000 --restitution 0.9"
     done = call("shake", block, "--record", table("g"), "--free", "1", out=tmp_path / "out")

@@ -55,7 +55,6 @@ def test_the_exit_status_reports_overturning(run):
     assert done.json("shake.json")["results"]["without a pendulum"]["tilt"] == "infinite"
 
 
-@pytest.mark.mends("`tpd shake` printed the swing of the linear equations without saying so")
 def test_the_swing_is_that_of_the_nonlinear_equations_and_impacts_have_a_stated_rate(run):
     """A marble column under El Centro: the bob swings 0.443 rad, but 0.377 rad by the linear equations."""
     column = "--width 0.62 --height 5.2 --mass 4239 --friction 0 --restitution housner"
@@ -74,7 +73,6 @@ def test_the_swing_is_that_of_the_nonlinear_equations_and_impacts_have_a_stated_
     assert f"impacts faster than {strong:.4g} rad/s" in done.out
 
 
-@pytest.mark.mends("`tpd shake` ended with status 0 although a motion had no solution")
 def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     follow, few = shake.transient, {"max_events": 1}
     monkeypatch.setattr(shake, "transient", lambda *a, **k: follow(*a, **{**k, **few}))
@@ -84,7 +82,6 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     assert "equations have no solution" in done.out
 
 
-@pytest.mark.mends("`text.usetex` in the settings of a user ended `tpd shake` before any file was written")
 def test_numbers_are_written_before_pictures_and_a_failed_picture_costs_one_message(run, monkeypatch):
     def broken(*_, **how):
         raise RuntimeError("no such font\nat all")
@@ -98,7 +95,6 @@ def test_numbers_are_written_before_pictures_and_a_failed_picture_costs_one_mess
     assert written == ["shake.json", "histories.csv", "impacts.csv", "histories.png"]
 
 
-@pytest.mark.mends("the message about a full disk named no file")
 @pytest.mark.parametrize("complete", [[], ["shake.json", "histories.csv"]])
 def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path, complete):
     place, name = files.place, "impacts.csv" if complete else "shake.json"
@@ -119,9 +115,6 @@ def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, mon
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.mends(
-    "a block that stands was marked as one that overturns, in every record of a step of 0.01 s"
-)
 def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch):
     drawn, plot = [], response.plot_motions
     monkeypatch.setattr(response, "plot_motions", lambda *a: drawn.append(plot(*a)) or drawn[-1])
@@ -139,7 +132,6 @@ def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch
         assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]
 
 
-@pytest.mark.mends("the coefficient that a motion needs was not compared with that of the base")
 def test_the_friction_of_the_motion_is_compared_with_that_of_the_base(run):
     block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.32 --record el-centro --pga 0.45 --free 1"
     said = " ".join(run("shake", block, "--mass-ratio 0.05 --pendulum-length 0.5").out.split())
@@ -149,7 +141,6 @@ def test_the_friction_of_the_motion_is_compared_with_that_of_the_base(run):
     assert "topples at 0.2965 rad (17°)" in said
 
 
-@pytest.mark.mends("`tpd shake` left the comparison of both cases to the reader")
 @pytest.mark.parametrize(
     ("tilts", "sentence"),
     [

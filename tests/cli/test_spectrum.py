@@ -1,7 +1,6 @@
 """`tpd spectrum` of a pulse and of a record: files, shares, and runs without a solution."""
 
 import numpy as np
-import pytest
 
 from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
 from tests.unanswered import unanswered
@@ -19,7 +18,6 @@ def test_the_spectrum_of_a_pulse_and_of_a_record(run):
     assert [float(r["period_s"]) for r in done.rows("spectrum.csv")] == np.linspace(0.5, 12.0, 3).tolist()
 
 
-@pytest.mark.mends("runs without a solution were counted without a message")
 def test_runs_without_a_solution_are_reported(run, monkeypatch):
     # These are all motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)

@@ -20,7 +20,6 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals differ")
 
 
 @posix
-@pytest.mark.mends("a command caught Ctrl-C, so that a shell script continued with its next line")
 @pytest.mark.parametrize("moment", ["stderr", "stdout"])
 def test_ctrl_c_ends_a_command_at_once(tmp_path, moment):
     """Interrupt while modules are imported, and while a program compiles."""
@@ -63,7 +62,6 @@ def test_code_that_never_returns_to_python_is_ended_and_a_shell_has_status_130()
     assert (out, "Traceback" in err) == ("130\n", False)
 
 
-@pytest.mark.mends("a command that was called in Python changed how its caller handles Ctrl-C")
 def test_in_python_ctrl_c_is_an_exception_for_the_caller(monkeypatch):
     before = signal.getsignal(signal.SIGINT)
 
@@ -76,7 +74,6 @@ def test_in_python_ctrl_c_is_an_exception_for_the_caller(monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.mends("messages about the work followed the answer while pictures were drawn")
 def test_no_message_about_the_work_follows_the_answer(monkeypatch, capsys):
     for name, seconds in {"EVERY": 0.0, "TICK": 0.02, "_SOON": 0.0}.items():
         monkeypatch.setattr(terminal, name, seconds)
@@ -104,7 +101,6 @@ sys.exit(main())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such users")
-@pytest.mark.mends("a command without a home folder ended with a traceback; its warnings showed code")
 def test_a_warning_is_a_sentence_and_a_user_needs_no_home_folder():
     done = subprocess.run([sys.executable, "-c", HOMELESS], capture_output=True, text=True)
     assert done.returncode == 2
@@ -124,9 +120,6 @@ with i.lasting_output():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such devices")
-@pytest.mark.mends(
-    "a closed pipe, or a full disk, ended a command with a traceback before it wrote its files"
-)
 def test_a_closed_pipe_does_not_end_the_work_and_a_full_disk_is_reported(tmp_path):
     how = {"cwd": tmp_path, "stderr": subprocess.PIPE, "text": True}
     command = [sys.executable, "-c", TABLE]
@@ -145,7 +138,6 @@ def test_a_closed_pipe_does_not_end_the_work_and_a_full_disk_is_reported(tmp_pat
 
 
 @pytest.mark.parametrize("set_to", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
-@pytest.mark.mends("letters that the encoding lacks ended a command with a traceback")
 def test_letters_that_the_encoding_lacks_are_question_marks(tmp_path, set_to):
     env = os.environ | {"PYTHONCOERCECLOCALE": "0"} | set_to
     done = subprocess.run([sys.executable, "-c", TABLE], cwd=tmp_path, env=env, capture_output=True)
@@ -154,7 +146,6 @@ def test_letters_that_the_encoding_lacks_are_question_marks(tmp_path, set_to):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems store names of files as text")
-@pytest.mark.mends("under LC_ALL=C a job could not name a file with a letter beyond ASCII")
 def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
     folder = tmp_path / "größe"
     folder.mkdir()

@@ -123,7 +123,6 @@ def test_killed_sweep_goes_on(tmp_path):
 WHOLE = {i: {"x": np.full(4, float(i)), "y": np.ones((4, 2, 3), np.int8)} for i in range(3)}
 
 
-@pytest.mark.mends("other bytes in the file of a chunk were taken for its results")
 @pytest.mark.parametrize("way", [*WAYS, "of another chunk", "of another batch"])
 def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
     for number, results in WHOLE.items():
@@ -234,7 +233,7 @@ def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
     assert all(same(found, by_hand(600)) for found in results)
 
 
-def test_without_dask_the_message_says_what_to_install(tmp_path, monkeypatch):
+def test_without_dask_the_message_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"pip install '.\[dask\]'"):
         Cluster(tmp_path)
@@ -278,7 +277,6 @@ def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_pat
     assert chunks().items() > kept.items()
 
 
-@pytest.mark.mends("~ stood for a folder of that name")
 def test_the_folder_of_chunks_may_begin_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert Cluster("~/chunks").folder == tmp_path / "chunks"
@@ -300,6 +298,6 @@ def test_fingerprints_differ_where_inputs_do():
     assert fingerprint(SCENE) == fingerprint(tpd.paper_scene())
 
 
-def test_what_no_words_tell_from_another_is_refused():
+def test_inputs_without_a_stable_text_are_refused():
     with pytest.raises(TypeError, match=re.escape("an object of the type object has no fingerprint")):
         fingerprint([object()])

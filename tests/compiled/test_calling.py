@@ -49,7 +49,7 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
         jax.clear_caches()
 
 
-def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
+def test_a_wrong_answer_to_the_trial_gives_a_warning(monkeypatch):
     compiled = LINEAR
     monkeypatch.setattr(compiled, "_is_direct", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))

@@ -5,7 +5,7 @@ import pytest
 from tpd.compiled.columns import ASKED, SIZES, is_neutral
 
 
-def test_places_asked_for_together_cover_every_size_once():
+def test_places_requested_together_cover_every_size_once():
     covered = [i for first, last in sorted(ASKED) for i in range(first, last)]
     assert covered == list(range(SIZES["state"].stop))
     for (first, last), names in ASKED.items():

@@ -18,8 +18,7 @@ from tpd.compiled import compiling
 from tpd.core import files
 
 
-@pytest.mark.mends("what the processes that compile have to say was lost")
-def test_a_process_that_compiles_is_waited_for_and_what_it_says_is_said(monkeypatch, tmp_path):
+def test_the_package_waits_for_the_compiling_process_and_repeats_its_warnings(monkeypatch, tmp_path):
     lines = "import sys, time, warnings\n"
     lines += "if 'pytest' not in sys.modules: time.sleep(1); warnings.warn('it was damaged')\n"
     (tmp_path / "lonely.py").write_text(lines)
@@ -42,7 +41,6 @@ if sys.argv[0] == "-c":
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are others")
-@pytest.mark.mends("processes that compile went on after a command that was killed")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_process_that_compiles_ends_with_the_command(tmp_path, number):
     (tmp_path / "endless.py").write_text(ENDLESS)
@@ -76,8 +74,7 @@ def test_a_module_that_another_thread_imports_is_waited_for(monkeypatch, tmp_pat
     del sys.modules["slow"]
 
 
-@pytest.mark.mends("where Numba's store is not used, or an old one is, nothing said so")
-def test_a_store_of_others_starts_no_process_and_an_old_one_is_told(monkeypatch, tmp_path):
+def test_a_cache_of_another_user_starts_no_process_and_an_old_one_is_reported(monkeypatch, tmp_path):
     (tmp_path / "lonely.py").write_text("")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "store"))

@@ -22,7 +22,6 @@ def test_settings_are_a_row_by_name_and_no_other_name_passes():
         LINEAR.settings("GROUND", freely=1.0, tasks=2.0)
 
 
-@pytest.mark.mends("the code claimed to be of whatever version the installed XLA declares")
 def test_the_version_is_that_of_the_columns_whatever_the_installed_xla_declares(tmp_path, monkeypatch):
     header = tmp_path / "include" / "xla" / "ffi" / "api" / "c_api.h"
     header.parent.mkdir(parents=True)
@@ -60,7 +59,7 @@ def test_a_frame_of_the_host_names_its_rows_and_buffers():
     assert a[:4].tolist() == [11, 12, 13, 0]
 
 
-def test_xla_asks_for_the_version_in_an_extension_and_other_stages_compute_nothing():
+def test_the_metadata_extension_gets_the_version_and_other_stages_compute_nothing():
     a, frame = np.zeros(8, np.int64), np.zeros(FRAME, np.int64)
     # An extension of type 1: its fourth number is the address of what the version is written to.
     version, extension = np.zeros(FRAME, np.int64), np.zeros(FRAME, np.int64)
@@ -72,9 +71,6 @@ def test_xla_asks_for_the_version_in_an_extension_and_other_stages_compute_nothi
     assert rows_of(frame.ctypes.data, a) == (0, 0, False)
 
 
-@pytest.mark.mends(
-    "every extension of XLA was taken for the request of the version, and nothing was computed"
-)
 def test_extensions_of_other_types_are_ignored_and_the_request_for_the_version_may_follow_them():
     a, frame, settings = np.zeros(8, np.int64), np.zeros(FRAME, np.int64), np.zeros(FRAME, np.int64)
     sizes, buffers, other, request, version = (np.zeros(FRAME, np.int64) for _ in range(5))

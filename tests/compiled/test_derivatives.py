@@ -36,7 +36,7 @@ def test_values_are_left_alone_and_a_refused_slope_is_nan_and_spoils_no_other(de
     assert np.all(np.isnan(whole))
 
 
-def test_what_does_not_move_spoils_nothing():
+def test_a_motionless_row_does_not_affect_other_rows():
     assert np.isnan(jax.grad(lambda x: jnp.sum(half_refused(x)))(X)[1])
     assert jax.jvp(stated, (X,), (jnp.array([1.0, 0.0]),))[1] == 5.0
 

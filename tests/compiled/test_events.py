@@ -47,7 +47,7 @@ def found(plants, y, mode, s, end):
     return which, t, signal
 
 
-def test_the_first_zero_of_tilt_and_rate_is_met_and_no_other():
+def test_the_event_is_the_first_zero_of_tilt_or_rate():
     rng, met = np.random.default_rng(3), {END: 0, FIRST: 0, SECOND: 0}
     for _ in range(60):
         x = rng.uniform([0.1, 0.0, 0.1, 0.0, 0.0, 0.1, 0.8], [0.3, 0.4, 1.5, 1.2, 0.1, 0.6, 6.0])

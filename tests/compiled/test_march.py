@@ -76,7 +76,7 @@ def test_derivatives_stay_below_their_bounds(kind):
     assert np.all(closest > 0.5)
 
 
-def test_the_march_meets_the_events_of_the_careful_search():
+def test_the_march_has_the_events_of_the_careful_search():
     x, starts = box(60, 5)
     both = []
     for marches in (True, False):

@@ -79,9 +79,6 @@ def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
         assert nonlinear_entry._entrance(5)[1] == "compiled"
 
 
-@pytest.mark.mends(
-    "a bob that changed little in a period was taken to be settled, and its block at rest for good"
-)
 def test_a_bob_that_still_grows_may_lift_the_block_later():
     # In resonance almost without damping the bob grows by 3e-5 rad in a period, and lifts at 0.045 rad.
     nu, mu, lam = 0.03, 0.5, 1.0
@@ -101,7 +98,6 @@ def test_a_bob_that_still_grows_may_lift_the_block_later():
     assert found.settled_swing[0] == pytest.approx(0.00909, rel=0.01)
 
 
-@pytest.mark.mends("an impact that ended in rest lost the part of the bob's kick that depends on the side")
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_an_impact_that_ends_in_rest_kicks_the_bob_like_any_other(side):
     x = [0.3, 0.1, 0.5, 0.1, 0.0, 1e-9, 1.0, 0.6]

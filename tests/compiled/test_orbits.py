@@ -27,7 +27,7 @@ def test_a_batch_is_its_designs_on_any_number_of_threads():
         np.testing.assert_array_equal(known, traced)
 
 
-def test_slopes_are_linear_in_the_direction_and_nan_where_not_asked_for():
+def test_slopes_are_linear_in_the_direction_and_nan_where_not_requested():
     orbits = engine.solve_orbits(X)
     basis = np.broadcast_to(np.eye(9), (len(X), 9, 9))
     along = np.broadcast_to(np.linspace(0.1, 0.9, 9), (len(X), 1, 9))

@@ -8,7 +8,7 @@ from tpd.compiled import period_map
 eliminate = entry(period_map.eliminate)
 
 
-def test_elimination_solves_and_tells_a_singular_matrix():
+def test_elimination_solves_and_reports_a_singular_matrix():
     rng = np.random.default_rng(2)
     for _ in range(20):
         a, b = rng.normal(size=(4, 4)), rng.normal(size=(4, 3))

@@ -17,7 +17,6 @@ from tpd.theory import uplift
 from tpd.theory.equations import Terms
 
 
-@pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
 def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down():
     without = paper_scene().parameters()
     x = (without.nu, 0.197, 1.2, 0.1, without.k, without.f, without.xi)
@@ -30,7 +29,6 @@ def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down():
     np.testing.assert_array_equal(late[SAMPLES // 2 :, 0], 0.0)
 
 
-@pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")
 @pytest.mark.parametrize(("leans", "known"), [(0.0, "rest"), (0.02, "held")])
 def test_a_block_that_never_moves_is_not_sticking(leans, known):
     # The bob's own swing has twice the period of the forcing, psi = forced sin(xi tau) + own cos(xi tau/2),
@@ -101,7 +99,7 @@ def after(x, y0, span, quiet):
     return ys[-1], status == Status.event_bound
 
 
-def test_what_capture_leaves_out_is_below_the_square_of_its_speed():
+def test_the_error_of_capture_is_below_the_square_of_its_speed():
     x, y0 = np.array((0.2, 0.2, 0.5, 0.1, 0.02, 0.05, 2.0, 0.8)), np.array([0.02, 0.05, 0.0, 0.0])
     speeds, span, ends = 0.2 * 10.0 ** -np.linspace(1.0, 4.0, 25), np.array(10.0), []
     for quiet in (*speeds, 2e-8):
@@ -136,7 +134,6 @@ def bob_alone(p, psi, rate, periods, nonlinear):
     return max(abs(psi), angles.max()), angles[times > (periods - 1.01) * period].max(initial=0.0)
 
 
-@pytest.mark.mends("bounds on the bob's angle were given as its largest and as its settled angle")
 @pytest.mark.parametrize("equations", [Terms.linear, Terms.nonlinear])
 @pytest.mark.parametrize(
     ("p", "y0", "periods"),
@@ -167,7 +164,6 @@ def test_the_bob_of_a_block_that_stays_where_it_is_has_its_own_angles(equations,
         assert found.settled_swing[0] == pytest.approx(last, rel=2e-5)
 
 
-@pytest.mark.mends("the two swings of an undamped bob were added even if they never coincide")
 def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
     # Three swings of the bob take two periods of the forcing, and never add up to the sum of the amplitudes.
     p = Parameters(
@@ -180,7 +176,6 @@ def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
     assert float(steady_state(p).swing) == pytest.approx(peak, rel=1e-9)
 
 
-@pytest.mark.mends("next to the resonance of an undamped bob its swing was a rounding error, such as 0.0")
 @pytest.mark.parametrize("ulps", [0, 1, -1, 10_000])
 def test_a_bob_in_resonance_without_damping_has_no_swing_rather_than_zero(ulps):
     for mu in (0.0, 0.05):

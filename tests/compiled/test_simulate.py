@@ -100,7 +100,7 @@ def test_every_motion_has_a_status(changes, y0, name):
         assert all(np.isfinite(getattr(found, size)[0]) for size in SIZES)
 
 
-def test_a_bounded_motion_says_so():
+def test_a_motion_cut_by_the_event_bound_has_its_status():
     assert status(TALL, np.zeros((1, 4)), periods=3) == "not_settled"
     assert status(TALL, np.zeros((1, 4)), events=1) == "event_bound"
 
@@ -152,7 +152,6 @@ def test_numba_is_not_loaded_before_it_is_needed():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")
 def test_a_block_at_rest_under_a_bob_that_repeats_itself_after_two_periods_is_not_sticking():
     # Nothing damps the bob; so small a swing has twice the period of the forcing to 1e-7.
     nu, lam = 0.2, 0.4

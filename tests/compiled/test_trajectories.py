@@ -27,7 +27,7 @@ def test_reverse_and_forward_mode_agree(size):
 
 @pytest.mark.parametrize("equations", [Terms.linear, Terms.nonlinear])
 @pytest.mark.parametrize(("x", "y0", "status"), [(WITH[3].x, (0.0,) * 4, "rocking"), (*LEANING, "held")])
-def test_what_settled_comes_back_after_its_periods(equations, x, y0, status):
+def test_a_settled_state_returns_after_its_periods(equations, x, y0, status):
     p = as_arrays(parameters(x))
     found = settled(equations, p, jnp.array(y0), tolerance=1e-8)
     assert status_name(found.status) == status

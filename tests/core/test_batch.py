@@ -44,7 +44,7 @@ def same(a, b):
 WHOLE = in_chunks(answer, X, chunk=64, workers=1)
 
 
-def test_it_is_vmap_with_numpy_leaves_and_statuses_stay_statuses():
+def test_chunks_are_vmap_with_numpy_leaves_and_statuses_stay_statuses():
     expected = jax.jit(jax.vmap(answer))(X)
     close(WHOLE, expected)
     assert all(isinstance(x, np.ndarray) for x in jax.tree.leaves(WHOLE))
@@ -78,7 +78,7 @@ def test_a_batch_may_be_a_pytree_in_which_a_single_number_belongs_to_every_eleme
     np.testing.assert_allclose(found, X.sum(axis=1) * np.arange(LENGTH) + 3.0 * X[:, 0], rtol=1e-14)
 
 
-def test_progress_is_told_after_each_chunk_to_the_end():
+def test_progress_is_reported_after_each_chunk():
     for rows, expected in ((LENGTH, [(64, LENGTH), (LENGTH, LENGTH)]), (64, [(64, 64)])):
         told = []
         in_chunks(answer, X[:rows], chunk=64, progress=lambda *at, told=told: told.append(at))
@@ -150,7 +150,7 @@ def test_a_batch_without_one_length_is_refused(batch, lengths):
         in_chunks(answer, batch)
 
 
-def test_every_thread_computes_in_the_floats_of_the_one_that_asks():
+def test_every_thread_computes_in_the_floats_of_its_caller():
     wide = np.arange(1.0, 400.0) + 1e-9
     exact = in_chunks(third, wide, chunk=64)
     np.testing.assert_allclose(exact, wide / 3.0, rtol=1e-15)
@@ -169,7 +169,7 @@ def third(x):
     return x / 3.0
 
 
-def test_what_is_prepared_is_not_traced_again():
+def test_a_prepared_function_is_not_traced_again():
     traced = []
 
     def slow(x):

@@ -30,7 +30,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     assert path.read_text() == "first"
 
 
-def test_a_directory_with_files_is_not_overwritten_unless_asked(tmp_path):
+def test_a_directory_with_files_is_overwritten_only_on_request(tmp_path):
     out = tmp_path / "out"
     files.claim(out, overwrite=False)
     files.place(out / f"{files._PART}x", "left by a run that was killed")
@@ -45,7 +45,7 @@ def test_a_directory_with_files_is_not_overwritten_unless_asked(tmp_path):
         files.claim(out / "design.json" / "below", overwrite=True)
 
 
-def test_what_is_sealed_comes_back_only_as_it_was_and_for_what_it_was():
+def test_sealed_content_is_returned_only_unchanged_and_for_its_key():
     sealed = files.sealed(b"data", "of a chunk")
     assert files.unsealed(sealed, "of a chunk") == b"data"
     for other in (sealed[:-1], sealed + b"x", b"", bytes(len(sealed)), sealed[:-1] + b"b"):
@@ -157,7 +157,7 @@ def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tm
     assert "d.png" in write("a.json")
 
 
-def test_a_file_in_place_of_a_folder_and_a_name_that_is_too_long_are_named(tmp_path):
+def test_a_file_instead_of_a_folder_and_too_long_a_name_are_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(NotADirectoryError) as refused:
         files.place(tmp_path / "file" / "table.csv", "content")
@@ -169,7 +169,7 @@ def test_a_file_in_place_of_a_folder_and_a_name_that_is_too_long_are_named(tmp_p
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_full_disk_and_a_link_to_nothing_are_found_before_the_work(tmp_path, monkeypatch):
+def test_a_full_disk_and_a_dangling_link_are_reported_before_the_work(tmp_path, monkeypatch):
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     with pytest.raises(ValueError, match="link is a file, not a directory"):
         files.claim(tmp_path / "link", overwrite=True)

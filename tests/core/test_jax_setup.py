@@ -64,7 +64,7 @@ def test_damaged_files_of_jax_are_made_again(tmp_path):
         ("JAX_COMPILATION_CACHE_DIR", 0o755, True),
     ],
 )
-def test_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name, mode, kept):
+def test_a_folder_of_other_users_is_not_used_and_gives_one_warning(tmp_path, name, mode, kept):
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(mode)
@@ -80,14 +80,14 @@ def test_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such users")
-def test_without_a_home_every_run_compiles_and_says_so():
+def test_without_a_home_every_run_compiles_with_a_warning():
     status, out, (said,) = run(HOMELESS + ASKED)
     assert (status, out) == (0, "None")
     assert "there is no home" in said
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such folder")
-def test_where_nothing_can_be_written_one_sentence_says_so():
+def test_a_cache_that_cannot_be_written_gives_one_warning():
     for name in ("HOME", "JAX_COMPILATION_CACHE_DIR"):
         status, out, (said,) = run(CACHED, **{name: "/proc/nowhere"})
         assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")

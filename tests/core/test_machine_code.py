@@ -40,7 +40,7 @@ def hits():
 
 @pytest.mark.parametrize("way", ["cut", "empty", "zeroed"])
 @pytest.mark.parametrize("end", [".nbi", ".nbc"])
-def test_damaged_code_is_compiled_again_and_said(folder, end, way):
+def test_damaged_code_is_compiled_again_with_a_warning(folder, end, way):
     assert [hits(), hits()] == [0, 1]
     (path,) = folder.rglob(f"*{end}")
     damage(path, way)
@@ -67,7 +67,7 @@ print(made.ctypes(3.0), made.cache_hits)
 """
 
 
-def test_of_processes_that_ask_at_once_one_compiles(tmp_path):
+def test_one_of_several_processes_compiles(tmp_path):
     (tmp_path / "small.py").write_text(SMALL)
     options = {"env": {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}, "text": True}
     command, pipe = [sys.executable, str(tmp_path / "small.py")], subprocess.PIPE
@@ -77,7 +77,7 @@ def test_of_processes_that_ask_at_once_one_compiles(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
 @pytest.mark.parametrize("way", ["mode", "owner"])
-def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder, monkeypatch, way):
+def test_code_in_a_folder_of_other_users_is_not_executed_and_gives_one_warning(folder, monkeypatch, way):
     assert [hits(), hits()] == [0, 1]
     (place,) = {path.parent for path in folder.rglob("*.nbc")}
     if way == "mode":
@@ -100,7 +100,7 @@ def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder
         (caching._CacheLocator, "ensure_cache_path", "no locator available"),
     ],
 )
-def test_what_cannot_be_stored_is_compiled_all_the_same(folder, monkeypatch, owner, name, why):
+def test_code_that_cannot_be_stored_is_compiled_nevertheless(folder, monkeypatch, owner, name, why):
     def refuse(*_):
         raise OSError(28, "No space left on device")
 

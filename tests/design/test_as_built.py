@@ -201,7 +201,6 @@ def test_time_histories_are_from_rest_with_and_without_the_pendulum():
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
 
 
-@pytest.mark.mends("details were printed as pages of nested objects")
 def test_details_are_printed_as_a_table_of_a_few_lines():
     found = details(designs.harmonic_design())
     lines = str(found).splitlines()
@@ -214,7 +213,6 @@ def test_details_are_printed_as_a_table_of_a_few_lines():
     assert str(Details()) == "Details of a design"
 
 
-@pytest.mark.mends("the pictures of a chimney that overturned after 35 s showed 30 s, and it stood")
 def test_a_time_history_lasts_until_the_block_overturns():
     block = tpd.Block(width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92)
     scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.09, frequency=0.8))

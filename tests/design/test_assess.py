@@ -56,7 +56,6 @@ def test_the_runs_are_those_of_the_validation_without_a_pendulum():
     assert "ROCKS, AND DOES NOT OVERTURN in any of 32 runs" in weak.verdict
 
 
-@pytest.mark.mends("26.3 % of the runs without a pendulum overturned in `assess`, and 25.0 % in `optimise`")
 def test_the_runs_are_those_that_the_answer_of_optimise_quotes():
     design = designs.harmonic_design()
     settings = {name: designs.SMALL[name] for name in ("conditions", "ensemble", "limits")}
@@ -117,7 +116,6 @@ PAIR = {
 }
 
 
-@pytest.mark.mends("the isolation period was one of 15 values, and left out the records of the validation")
 def test_the_isolation_period_is_solved_for_over_all_records():
     """Independent: a sweep over 1200 periods gives 1.3 s for the pair."""
     found = alternatives(problem_of(STATUE, limits=(), **PAIR))
@@ -136,7 +134,6 @@ def test_the_isolation_period_is_solved_for_over_all_records():
     assert said in str(found)
 
 
-@pytest.mark.mends("a record was scaled to the peak of the strongest one")
 def test_each_record_counts_at_its_own_size():
     weak, strong = tpd.records.el_centro().scaled(1.2), tpd.records.el_centro().scaled(1.8)
     conditions = tpd.Conditions.records([weak, strong], [1.0], intensity="scale")
@@ -152,7 +149,6 @@ def test_a_spectrum_below_or_above_an_acceleration_everywhere_has_no_root(accele
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
 
 
-@pytest.mark.mends("a block that lifts only under a record of the validation needed no pendulum")
 def test_records_of_the_validation_count_for_the_block_at_rest():
     strong, weak = tpd.records.el_centro(), tpd.records.loma_prieta().scaled(0.1)
     conditions = tpd.Conditions.records([weak], [1.5], intensity="scale")

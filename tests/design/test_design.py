@@ -90,7 +90,6 @@ def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
     assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}
 
 
-@pytest.mark.mends("a design that is not recommended named no input that would change the answer")
 def test_a_no_names_the_inputs_that_could_change_it():
     fixed = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=0.1)
     found = solve(NoisyProblem.of(space=fixed, limits=(tpd.limits.Stroke(0.1),)))

@@ -29,7 +29,7 @@ def process(noisy):
     return fit(noisy, seed=0)
 
 
-def test_a_trend_is_found_below_noise(process):
+def test_a_trend_below_noise_is_recovered(process):
     probe = np.random.default_rng(2).random((200, 2))
     mean, deviation = process.at(probe)
     assert np.sqrt(np.mean((mean - bowl(probe)) ** 2)) < 0.02

@@ -191,7 +191,7 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
         ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the smallest point mass"),
     ],
 )
-def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):
+def test_settings_without_effect_or_sense_are_rejected(given, message):
     with pytest.raises(ValueError, match=message):
         problem(**given)
 
@@ -206,7 +206,6 @@ def test_counts_of_trials_are_checked(name):
 COLUMN = tpd.Block(width=0.9, height=6.0, mass=2500.0, restitution=0.93, cavity_width=0.6)
 
 
-@pytest.mark.mends("neither stroke nor clearance was applied if a trial had fewer than 20 standing runs")
 @pytest.mark.parametrize(("count", "scales"), [(6, (1.5, 2.5)), (12, (2.0,))])
 def test_few_records_keep_the_clearance(count, scales):
     conditions = tpd.Conditions.records([noise(i) for i in range(count)], scales)
@@ -217,7 +216,6 @@ def test_few_records_keep_the_clearance(count, scales):
     assert found.usage["clearance"] < 1.0
 
 
-@pytest.mark.mends("a trial with few motions had few runs")
 def test_a_trial_has_at_least_64_runs_if_the_blocks_vary():
     made = problem(RECORDS[:4], validation_share=0.0)
     found = made.trial_runs(DESIGN, 0)
@@ -226,7 +224,6 @@ def test_a_trial_has_at_least_64_runs_if_the_blocks_vary():
     np.testing.assert_array_equal(np.bincount(found.condition.astype(int)), 18)
 
 
-@pytest.mark.mends("the result depended on the order in which records were listed")
 @pytest.mark.parametrize("names", ["named", "nameless", "groups"])
 def test_the_order_of_the_records_changes_nothing(names):
     """Designs and numbers agree in every bit."""

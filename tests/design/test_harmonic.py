@@ -176,7 +176,6 @@ SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
     ],
     ids=lambda conditions: " * ".join(conditions.description) or "exactly",
 )
-@pytest.mark.mends("half widths of a scatter were read from a phrase that rounds them to whole per cents")
 def test_a_job_file_gives_the_same_conditions(conditions, tmp_path):
     path = tmp_path / "job.toml"
     made = HarmonicProblem.of(SCENE, conditions=conditions, limits=tpd.limits.POINT_BOB)

@@ -79,8 +79,7 @@ def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
             assert said is None or key in said or f"`{table}." in said, (key, value, said)
 
 
-@pytest.mark.mends("nothing said that the risk measure steers only the descents")
-def test_the_help_of_the_risk_measure_says_which_stages_use_it():
+def test_the_help_of_the_risk_measure_names_the_stages_that_use_it():
     says = TABLES["search"]["risk"].says
     assert "only the descents use it, and later stages compare mean tilts" in says
     assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())

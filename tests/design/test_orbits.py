@@ -190,7 +190,7 @@ def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
     assert walk.stopped.sum() == 0
 
 
-def test_what_is_not_followed_is_the_exact_answer(walk, objective):
+def test_orbits_that_are_not_followed_have_the_exact_answer(walk, objective):
     """A jump over half of the space loses orbits; the exact solution answers there and goes on."""
     far = np.array([[0.19, 1.9, 0.1], [0.02, 0.15, 0.1], [0.05, 1.2, 0.1]])
     e, exact = walk.evaluate(far), objective.evaluate(far)

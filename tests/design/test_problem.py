@@ -65,7 +65,7 @@ def test_walls_need_a_cavity_that_is_stated():
     check_cavity(SCENE.block, (tpd.limits.Clearance(),))
 
 
-def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
+def test_a_motion_without_effect_and_a_quantity_that_cannot_scatter_are_rejected():
     still = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
         check_moves(still, tpd.Conditions())
@@ -112,7 +112,7 @@ def answer(**asked):
 
 
 @pytest.mark.parametrize("asked", CASES.values(), ids=CASES)
-def test_the_job_of_a_design_asks_its_question(asked):
+def test_the_job_of_a_design_describes_its_problem(asked):
     scene = ASKED
     if "friction" in str(asked.get("conditions", "")):
         scene = tpd.Scene(dataclasses.replace(ASKED.block, friction=0.05), ASKED.excitation)
@@ -147,7 +147,7 @@ class Own(limits.Limit):
         ),
     ],
 )
-def test_what_no_file_can_say_is_refused(asked, sentence):
+def test_settings_that_no_file_can_contain_are_refused(asked, sentence):
     with pytest.raises(ValueError, match=sentence):
         _ = answer(**asked).job
 
@@ -160,7 +160,6 @@ def test_motions_that_exist_only_in_python_are_refused():
         _ = asked.job
 
 
-@pytest.mark.mends("the share of runs beyond a limit was 0 if no run stands")
 def test_the_share_of_runs_beyond_a_limit_is_unknown_if_no_run_stands():
     problem, fallen = NoisyProblem.of(), outcomes([np.inf] * 4)
     assert np.isnan(problem.over_limit(np.array(RATIOS), fallen)[0])
@@ -168,7 +167,6 @@ def test_the_share_of_runs_beyond_a_limit_is_unknown_if_no_run_stands():
     assert NoisyProblem.of(limits=()).over_limit(np.array(RATIOS), fallen) == (0.0, "")
 
 
-@pytest.mark.mends("one quantile of the swing was interpolated, and two others were the value of a run")
 def test_the_swing_that_is_drawn_built_and_compared_with_the_limit_is_that_of_one_run(ground):
     angle = ground.problem.reached(ground.rod_angle)
     assert angle in ground.rod_angle

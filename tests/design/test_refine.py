@@ -65,7 +65,7 @@ def test_trials_are_a_table_the_best_first(found):
     assert trials.best_without() is None or trials.sizes[trials.best_without(), 0] <= 1.0
 
 
-def test_every_trial_has_runs_of_its_own():
+def test_every_trial_has_its_own_runs():
     problem, counts = NoisyProblem.of(), []
     here = refined(problem, lambda *count: counts.append(count))
     seeds = [seed for _, seed in problem.asked]
@@ -78,7 +78,7 @@ def test_every_trial_has_runs_of_its_own():
     assert not set(seeds) & {seed for _, seed in other.asked}
 
 
-def test_runs_without_an_answer_are_counted_and_say_nothing():
+def test_runs_without_an_answer_are_counted_and_change_no_estimate():
     problem = NoisyProblem.of(unanswered=0.2)
     trials = refined(problem).trials()
     assert 0.15 < trials.undecided.mean() / 64 < 0.25
@@ -157,9 +157,6 @@ def test_neighbours_of_designs_are_left_out():
     np.testing.assert_array_equal(apart(problem, designs, []), designs)
 
 
-@pytest.mark.mends(
-    "with fewer than 20 standing runs no design had a quantile, and every limit counted as kept"
-)
 @pytest.mark.parametrize("count", [6, 12])
 def test_a_limit_holds_for_trials_of_few_runs(count):
     """The limit on the stroke cuts mu off below a half of its range."""
@@ -179,7 +176,6 @@ class Falling(NoisyProblem):
         return outcomes(tilt, 0.1, design=RATIOS if design is None else design, seed=seed)
 
 
-@pytest.mark.mends("designs without a standing run kept every limit")
 def test_a_limit_that_no_run_can_show_is_not_kept():
     here = refined(Falling(**NoisyProblem.of().inputs))
     trials = here.trials()
@@ -193,7 +189,6 @@ def test_a_limit_that_no_run_can_show_is_not_kept():
     assert refusal.startswith("the block overturns in so many trial runs")
 
 
-@pytest.mark.mends("a run without a value of the limited quantity counted as one that keeps the limit")
 def test_a_run_of_unknown_swing_counts_against_a_design():
     class Unknown(NoisyProblem):
         def runs(self, design, seed, equations="linear"):

@@ -23,7 +23,6 @@ def test_a_fixed_value_is_none_to_search_for(fixed):
     np.testing.assert_allclose(space.scaled(designs), units, atol=1e-15)
 
 
-@pytest.mark.mends("a design space took ratios only, and a fixed value for the damping ratio only")
 def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
     block = tpd.Block(width=1.0, height=5.0, mass=2000.0)
     space = tpd.DesignSpace(mass=(100.0, 500.0), length=1.0)

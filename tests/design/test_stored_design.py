@@ -69,7 +69,7 @@ def damaged(design, tmp_path):
     return read
 
 
-def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
+def test_a_stored_design_is_read_as_it_was_written(design, damaged, tmp_path):
     found = damaged()
     for name in ("pendulum", "status"):
         assert getattr(found, name) == getattr(design, name), name
@@ -118,7 +118,6 @@ def test_a_damaged_file_is_refused_in_one_sentence(damaged, changes, sentence):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.mends("~ stood for a folder of that name")
 def test_a_path_begins_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     for path in ("~/design", "~/design/design.json"):

@@ -147,7 +147,7 @@ def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
     assert v.is_harmful is bool(kind)
 
 
-def test_a_bob_touches_a_wall_on_the_way_as_well():
+def test_wall_contacts_in_the_transient_count():
     """The largest angles count for the walls, the settled ones for the stroke."""
     hung = NoisyProblem.of().pendulum(DESIGN)
     body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
@@ -282,7 +282,6 @@ def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
     return paired(with_it, np.full(4 * count, 0.5), cluster=quakes)
 
 
-@pytest.mark.mends("under earthquakes the runs that decided were quoted as they were")
 def test_runs_that_decide_are_quoted_with_intervals_that_allow_for_it():
     given = NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes()}
     v = validate(Once(**given), DESIGN)
@@ -319,7 +318,6 @@ def test_earthquakes_that_are_held_back_do_not_decide():
         assert set(runs.cluster[of.counted]) == set(range(half, 80, 2))
 
 
-@pytest.mark.mends("with two records the reason was a reduction by 99.5 % where at least 10 % are required")
 @pytest.mark.parametrize("gain", [0.3, 0.0])
 def test_too_few_earthquakes_are_the_status_whatever_the_runs_show(gain):
     class Few(Once):

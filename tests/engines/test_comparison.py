@@ -21,7 +21,7 @@ def one_sine(scale):
     return tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=scale * 9.80665 / 6.0, frequency=1.2375))
 
 
-def test_a_column_overturns_where_the_equations_say():
+def test_a_column_overturns_at_the_tilt_of_the_equations():
     # Least scales of a one-sine pulse by several engines: 2.45 bare, 7.0 with the pendulum.
     for scale, pendulum, fell in ((2.3, None, 0), (2.6, None, 1), (6.5, PENDULUM, 0), (7.6, PENDULUM, 1)):
         found = compared(one_sine(scale), pendulum, runs=1)
@@ -36,7 +36,7 @@ def assert_alike(found, rtol, least=0):
         np.testing.assert_allclose(theirs.tilt[stands], ours.tilt[stands], rtol=rtol)
 
 
-def test_tilts_of_both_are_alike_and_the_verdict_says_so():
+def test_similar_tilts_of_both_give_a_verdict_of_agreement():
     found = compared(one_sine(2.2), PENDULUM, runs=6)
     assert_alike(found, 0.03, least=3)
     assert not found.disagrees

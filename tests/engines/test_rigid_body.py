@@ -81,7 +81,7 @@ def test_the_text_for_opensees_has_the_masses_of_the_scene():
     assert max(map(float, values)) == pytest.approx(PULSE.pga, rel=1e-4)
 
 
-def test_every_motion_and_a_bare_block_have_a_text():
+def test_every_motion_and_a_block_without_pendulum_have_a_text():
     record = tpd.Record([0.5, -1.0, 2.0], 0.02)
     said, values = stubbed(opensees(tpd.Scene(COLUMN, record)))
     assert list(map(float, values)) == pytest.approx([0.5, -1.0, 2.0])

@@ -27,7 +27,7 @@ def test_impacts_are_those_of_housner(size):
     assert free_rocking(one) == pytest.approx(one.housner, abs=2e-3)
 
 
-def test_without_a_floor_to_strike_the_bob_swings_as_a_pendulum():
+def test_without_a_floor_the_bob_swings_as_a_pendulum():
     # A bob without weight beside the block, let go at a small angle.
     light = tpd.Pendulum(mass=1e-3, length=2.0, damping_ratio=0.1)
     rate = math.sqrt(9.80665 / 2.0)
@@ -38,7 +38,7 @@ def test_without_a_floor_to_strike_the_bob_swings_as_a_pendulum():
     assert found.tilt[0] < 1e-4
 
 
-def test_without_the_engine_one_sentence_says_how_to_get_it(monkeypatch):
+def test_without_the_engine_one_sentence_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ValueError, match=r"pip install '.\[engines\]'"):
         available()

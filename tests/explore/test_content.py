@@ -123,7 +123,7 @@ def test_a_hinge_without_damping_has_a_slider_from_zero():
     assert (damping["low"], damping["high"], damping["value"]) == (0.0, 0.2, 0.0)
 
 
-def test_a_pulse_has_its_acceleration_in_place_of_tables():
+def test_a_pulse_has_its_acceleration_instead_of_tables():
     job = job_of(PULSE)
     out = content(job)
     assert out.keys() == KEYS | {"ground"}
@@ -157,7 +157,6 @@ def test_without_a_cavity_there_are_no_walls():
     assert "clearance" not in out["limits"]
 
 
-@pytest.mark.mends("under earthquakes the shares of all runs stood beside the number of the counted runs")
 def test_stored_runs_under_earthquakes_are_those_that_the_description_counts():
     design = designs.ground_design()
     (runs,) = content(design)["runs"]
@@ -170,14 +169,12 @@ def test_stored_runs_under_earthquakes_are_those_that_the_description_counts():
         assert runs["mean"][name] == np.mean(case.severity[counted])
 
 
-@pytest.mark.mends("the page followed a ground motion for 5 s where the validation runs last 20 s longer")
 def test_a_simulation_lasts_as_long_as_a_validation_run():
     out = content(job_of(PULSE))
     assert out["ground"]["seconds"] == pytest.approx(1.0 + FREE)
     assert content(job_of({"ensemble": {"periods": 70}}))["periods"] == 70
 
 
-@pytest.mark.mends("a ground motion of more than 40 000 pieces was cut off")
 def test_a_long_record_is_complete():
     record = tpd.Record(np.sin(0.01 * np.arange(50_001)), 0.002, name="long")
     conditions = tpd.Conditions.records([record, record.scaled(2.0)])

@@ -106,13 +106,11 @@ def table_of(width: float, height: float, amplitude: float, frequency: float) ->
     return solve(scene, axes, tpd.Pendulum(mass=600.0, length=0.5, damping_ratio=0.3))
 
 
-@pytest.mark.mends("the tables had orbits of the linear equations beyond the toppling tilt")
 def test_no_orbit_lies_beyond_the_toppling_tilt():
     table = table_of(0.92, 3.64, 0.656, 0.88)
     assert not any((table.fields[name] >= 1.0).any() for name in ("tilt", "unstable"))
 
 
-@pytest.mark.mends("a value of the page could have an unknown error")
 def test_every_value_has_a_bound_of_its_error():
     table = table_of(1.07, 10.83, 0.291, 0.22)
     for name in ("tilt", "swing"):

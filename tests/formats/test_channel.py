@@ -74,7 +74,7 @@ def test_baselines_are_removed_on_request():
     assert any(note.startswith("baseline") for note in mean.notes)
 
 
-def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
+def test_implausible_motions_are_refused_and_a_drift_is_noted():
     wave = np.sin(np.arange(100.0))
     for wrong, said in (
         (Channel(np.zeros(1), 0.01), "at least 2 samples, but has 1"),

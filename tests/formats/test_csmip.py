@@ -8,7 +8,7 @@ from tpd import Record
 from tpd.formats.text import UnreadableRecord
 
 
-def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
     check(tmp_path, "csmip_v1", "csmip_v2", "coalinga_1983_cut.V2", "ridgecrest_2019_cut.RAW")
 
 

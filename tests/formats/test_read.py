@@ -30,7 +30,7 @@ def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
         Record.read(path)
 
 
-def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled():
+def test_several_channels_are_listed_and_the_header_is_not_overruled():
     path = DATA / "coalinga_1983_cut.V2"
     assert Record.read(path, channel=0, unit="gal", dt=0.02) == Record.read(path, channel=0)
     for how, said in (
@@ -186,7 +186,7 @@ NO_TEXT = {
 
 
 @pytest.mark.parametrize("name", NO_TEXT)
-def test_what_is_no_text_is_named_with_the_remedy(tmp_path, name):
+def test_a_file_that_is_no_text_is_named_with_the_remedy(tmp_path, name):
     data, kind, remedy = NO_TEXT[name]
     with pytest.raises(
         NoAcceleration, match=rf"^{name}: the file is {re.escape(kind)}.*: {remedy}"
@@ -205,7 +205,7 @@ def test_a_text_that_begins_like_another_file_is_read(tmp_path):
             assert read(tmp_path, f"{mark}{first}\n{rows}", **how).acceleration.shape == (20,)
 
 
-def test_a_record_says_which_file_and_channel_it_is_of():
+def test_a_record_names_its_file_and_channel():
     path = DATA / "coalinga_1983_cut.V2"
     named = [f"{path.name}, channel {i} ({name})" for i, name in enumerate(("90 DEG", "UP", "0 DEG"))]
     assert [r.source for r in Record.read_all(path)] == named

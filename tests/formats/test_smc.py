@@ -7,7 +7,7 @@ from tests.formats.synthetic import shaking, smc
 from tpd.formats.text import UnreadableRecord
 
 
-def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
     check(tmp_path, "smc", "loma_prieta_1989_0111a.smc.gz")
 
 

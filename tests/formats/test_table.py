@@ -11,7 +11,7 @@ from tests.formats.synthetic import G, peer, shaking
 from tpd.formats.text import UnreadableRecord
 
 
-def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
     check(tmp_path, "table", "column")
 
 
@@ -160,7 +160,7 @@ def test_a_unit_in_whatever_words_is_not_overruled(tmp_path, header):
         read(tmp_path, in_a_column(f"# {header}"), unit="g", dt=0.01)
 
 
-def test_a_line_that_says_nothing_of_the_numbers_is_passed_over_if_the_user_says_so(tmp_path):
+def test_a_line_that_is_not_understood_is_skipped_only_on_request(tmp_path):
     for line in ("# 3 feet above the floor", "# recorded in Galway", "# test 4 mg"):
         text = in_a_column(line, "unit: gal")
         with pytest.raises(UnreadableRecord, match=r"line 1 has .* not understood; .*: skip=1"):

@@ -67,7 +67,7 @@ def test_more_periods_than_are_remembered_are_no_repetition():
     assert int(after(*map(period, [*states, states[0]])).repeats) == 0
 
 
-def test_a_bob_without_mass_is_left_out_of_the_scales_unless_asked_for():
+def test_a_bob_without_mass_is_left_out_of_the_scales_by_default():
     without = as_arrays(parameters((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 4.0)))
     np.testing.assert_allclose(scale_of(without), [0.2, np.inf, 0.8, np.inf])
     np.testing.assert_allclose(scale_of(without, bob=jnp.asarray(True)), [0.2, 0.3, 0.8, 1.2])

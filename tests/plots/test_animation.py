@@ -41,7 +41,6 @@ def test_an_overturned_block_lies_and_is_called_so():
     assert times[np.argmax(found.is_overturned)] == pytest.approx(2.55)
 
 
-@pytest.mark.mends("the film ended before the block overturned")
 @pytest.mark.parametrize("motion", ["harmonic", "pulse"])
 def test_a_film_shows_the_last_overturning(motion, monkeypatch):
     slow = {"time": 20.0 + examples.history(True).time}
@@ -56,7 +55,6 @@ def test_a_film_shows_the_last_overturning(motion, monkeypatch):
     assert seen[0][0] < 22.5 < 23.0 < seen[0][-1]
 
 
-@pytest.mark.mends("a block without an answer was drawn as one that had overturned")
 def test_a_block_without_an_answer_is_not_called_overturned():
     history, times = examples.history(False, overturns=True), np.arange(100) / 20.0
     found = reel(dataclasses.replace(history, overturned=False), None, times)

@@ -93,7 +93,6 @@ def test_a_design_without_trials_has_no_landscape(single):
         tpd.plot(rest)
 
 
-@pytest.mark.mends("the landscape needed bounds of mass and length")
 @pytest.mark.parametrize(
     ("space", "axes", "words"),
     [
@@ -126,7 +125,6 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
         assert "exceeds a limit" in legend(ax)
 
 
-@pytest.mark.mends("the edge of a limit lacked the shared tail and the reserve, which decide")
 def test_the_edge_of_a_limit_is_where_the_process_that_decides_is_zero(single):
     u = np.random.default_rng(1).random((60, len(single.space.names)))
     deciding = fit(Observations(u, u[:, 1] - 0.7))

@@ -56,7 +56,6 @@ def test_spectra_draw_themselves_and_are_tables():
     assert found.to_dataframe()["status"].tolist() == ["recommended", "not_recommended"]
 
 
-@pytest.mark.mends("a record had no picture")
 def test_a_record_is_drawn_with_its_peaks_and_its_spectrum():
     record = tpd.Record(np.sin(2.0 * np.pi * np.arange(201) / 100), 0.01, name="a sine")
     axes = tpd.plot(record)

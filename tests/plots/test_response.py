@@ -73,7 +73,6 @@ def test_motions_share_their_axes_and_end_where_the_block_overturns():
     assert plot_motions(histories, 0.25)[1].get_legend() is None
 
 
-@pytest.mark.mends("a row without an answer was called an overturning")
 def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
     values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}

@@ -20,7 +20,7 @@ def design_map():
     return tpd.design_map(tpd.paper_scene(), *axes)
 
 
-def test_every_result_takes_what_and_ax_and_the_names_of_its_own(design_map, single):
+def test_every_result_takes_what_and_ax_and_its_own_names(design_map, single):
     for how in ({"what": "swing"}, {"quantity": "swing"}):
         bar = tpd.plot(design_map, **how).figure.axes[1]
         assert bar.get_ylabel().startswith("largest bob angle")

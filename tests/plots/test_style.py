@@ -104,7 +104,6 @@ def pictures(draw) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", PICTURES)
-@pytest.mark.mends("`text.usetex` in the settings of a user ended a command with a traceback")
 def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name, band):
     usual = pictures(lambda: PICTURES[name](band))
     with matplotlib.rc_context(HOSTILE):

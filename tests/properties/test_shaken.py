@@ -159,7 +159,7 @@ def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, 
 
 @bounded(40)
 @given(shaken)
-def test_a_bob_without_mass_leaves_the_bare_block(case):
+def test_a_bob_without_mass_does_not_move_the_block(case):
     scene, pendulum = made(case)
     without = transient(scene, free=FREE)
     light = transient(scene, replace(pendulum, mass=0.0), free=FREE)

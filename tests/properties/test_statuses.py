@@ -85,7 +85,7 @@ def test_a_status_is_reached(name):
 
 
 @pytest.mark.parametrize("name", REACHED)
-def test_a_sentence_says_what_to_do_where_there_is_no_answer(name):
+def test_a_status_without_an_answer_has_a_remedy(name):
     sentence = Status[getattr(Status, name)]
     assert sentence.endswith(".")
     assert (name in GOOD) != any(word in sentence for word in REMEDIES)

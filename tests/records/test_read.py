@@ -87,7 +87,7 @@ def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
         read_motions(files, events=["A", "B", "C"])
 
 
-def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
+def test_records_without_a_direction_are_reported_and_a_folder_without_records_is_an_error(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(nameless(0, "acc"))
     # The note of a single record says it; of several records a sentence counts them.
@@ -267,7 +267,7 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
     assert alone[0].notes[-1].startswith("baseline removed: the mean")
 
 
-def test_what_was_read_is_described(tmp_path):
+def test_records_are_described_in_one_line(tmp_path):
     counts = 4e5 * shaking(100) + 4e4
     folder = agency(tmp_path / "one", XXX001_EW=knet(counts, 0.01))
     (motion,), notes = read_motions([folder])

@@ -92,8 +92,7 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     )
 
 
-@pytest.mark.mends("the runs that decided were quoted without a word")
-def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_show():
+def test_estimates_that_allow_for_the_decision_are_named_beside_those_of_the_runs_alone():
     rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
     with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
     alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
@@ -110,7 +109,7 @@ def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_sh
     assert runs.benefit_in_words.startswith(less)
 
 
-def test_too_few_earthquakes_are_said_first():
+def test_too_few_earthquakes_are_reported_first():
     said = verdict(ground()).text
     assert said.startswith(
         "TOO FEW EARTHQUAKES to validate a pendulum: the search and the validation need at least 5"
@@ -118,7 +117,6 @@ def test_too_few_earthquakes_are_said_first():
     assert flat(answer(ground())).startswith("TOO FEW EARTHQUAKES")
 
 
-@pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")
 def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
     near = replace(harmonic().best, over_limit=0.01004)
     rows = dict(pairs(replace(harmonic(), validated=(near,)), Details()))
@@ -220,7 +218,6 @@ def test_questions_that_are_left_open_have_their_commands():
         assert "not checked" not in answer(design, Details(), Path("tpd-design"))
 
 
-@pytest.mark.mends("the answer pooled all levels of ground motions")
 def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
     design = ground()
     said = flat(answer(design, Details(), most=1000))
@@ -236,7 +233,6 @@ def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
     assert not [*at_levels(harmonic().problem, harmonic().runs)]
 
 
-@pytest.mark.mends("`tpd optimise` did not compare the friction that its runs need with that of the base")
 def test_a_base_that_slides_in_the_runs_is_a_danger():
     design = harmonic()
     block = replace(design.scene.block, base_friction=0.31)

@@ -18,7 +18,7 @@ def test_columns_of_numbers_are_known():
     assert table.numeric == [False, True, False]
 
 
-def test_what_is_not_whole_is_refused():
+def test_incomplete_blocks_are_refused():
     with pytest.raises(ValueError, match="must have 2 cells as the head has, but has 1"):
         Table(("name", "size"), (("one",),))
     with pytest.raises(ValueError, match="`alt` must describe the picture"):

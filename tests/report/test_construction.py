@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 import tpd
 from tests.report.conftest import SCENE, details, harmonic, rejected
@@ -72,7 +71,6 @@ def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
     assert "stop, largest force" not in rows(table)
 
 
-@pytest.mark.mends("ten complete oscillations were called ten swings, which are five oscillations")
 def test_checks_on_site_have_the_readings_to_expect():
     checks, with_it = section()[3], harmonic().pendulum
     assert isinstance(checks, Listing)
@@ -108,7 +106,7 @@ def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
     assert "nan " not in str(table)
 
 
-def test_the_scatter_of_a_restitution_is_said_of_the_loss():
+def test_the_scatter_of_a_restitution_is_described_as_that_of_the_loss():
     """e = 0.95 within 2 % is a loss of 0.05 within 38 %."""
     problem, holds = harmonic().problem, Interval(0.3, 0.2, 0.4)
     block = dataclasses.replace(SCENE.block, restitution=0.95, friction=0.0)

@@ -41,7 +41,6 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     assert page.count("<figure>") == 6
 
 
-@pytest.mark.mends("the animation of an earlier pendulum stayed beside a new verdict")
 def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
     write(tmp_path, harmonic(), details(), {}, "[block]")
@@ -55,7 +54,7 @@ def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
     assert said == [f"{tmp_path} also contains files that are not of this run: explore.html, mine.gif"]
 
 
-def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
+def test_a_report_is_written_with_its_job(tmp_path, monkeypatch):
     def unsaid(_):
         raise ValueError("a limit of one's own")
 
@@ -71,7 +70,7 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
     assert "scene.toml" not in {path.name for path in written}
 
 
-def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_body_that_was_asked_for():
+def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_requested_body():
     for name in ("benefit", "response", "motion"):
         found = draw(f"{name}.svg", harmonic(), details())
         assert ElementTree.fromstring(found).tag.endswith("svg")
@@ -133,7 +132,6 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
 
 
-@pytest.mark.mends("a picture that could not be drawn cost the answer of a search")
 def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_numbers(tmp_path, monkeypatch):
     def drawn(name, *_):
         if name.startswith("search"):

@@ -91,9 +91,6 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
 
 
-@pytest.mark.mends(
-    "conditions under which the block overturns with and without the pendulum were not counted"
-)
 def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_one_by_name():
     design = harmonic()
     conditions, without = design.conditions, design.problem.without_pendulum
@@ -125,7 +122,7 @@ def test_runs_without_an_answer_are_counted():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_dangers_come_first_and_nothing_is_said_twice(kind):
+def test_dangers_come_first_and_no_note_is_repeated(kind):
     found = notes(DESIGNS[kind](), details(kind))
     order = [n.severity.value for n in found]
     assert order == sorted(order)
@@ -182,6 +179,6 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
         ("The worst settled tilt, which the descents reduce, is larger", {"value": 9.0}),
     ],
 )
-def test_what_else_changes_the_conclusions_is_a_note(words, exact):
+def test_every_other_doubt_about_the_conclusions_is_a_note(words, exact):
     assert only(changed(exact=dict(exact)), words).severity is Severity.note
     assert not said(harmonic(), words) or "value" in exact

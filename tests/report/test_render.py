@@ -69,7 +69,7 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_page_and_text_say_the_same_in_the_same_order(kind):
+def test_page_and_text_have_the_same_content_in_the_same_order(kind):
     found = content(DESIGNS[kind](), details(kind), "[block]\n")
     said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
     assert report.startswith(found.verdict.marked)

@@ -96,7 +96,7 @@ def test_settled_motions_have_a_row_for_every_condition():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_the_search_and_the_designs_that_were_rejected_are_told(kind):
+def test_the_search_and_the_rejected_designs_are_described(kind):
     design = DESIGNS[kind]()
     (text,) = sections.searched(design, ())
     assert text.text.startswith(f"Trial runs of the linear equations evaluated {len(design.trials.designs)}")
@@ -117,7 +117,6 @@ def test_dangers_come_first_among_the_reasons():
     assert [sections.over_runs(calm), sections.limiting(calm), sections.searched(calm, ())] == [[], [], []]
 
 
-@pytest.mark.mends("the report pooled all levels of ground motions, with intervals over runs")
 def test_each_level_of_ground_motions_has_a_row():
     runs = ground().runs
     found = rows(sections.over_runs(ground())[0])

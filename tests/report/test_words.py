@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 import tpd
 from tests.report.conftest import harmonic
@@ -44,7 +43,7 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert losses == "  losses  impacts e = 0.9"
 
 
-def test_the_cavity_is_said():
+def test_the_cavity_is_described():
     assert ", cavity 0.08 m wide; " in words.scene_lines(PAPER)[1]
     assert ", cavity 0.06 m wide; " in words.scene_lines(changed(cavity_width=0.06))[1]
 
@@ -98,7 +97,7 @@ def test_a_value_of_the_risk_in_words():
         assert words.risk(dataclasses.replace(harmonic(), problem=problem), value) == said
 
 
-def test_angles_that_are_infinite_or_unknown_are_told_apart():
+def test_infinite_and_unknown_angles_are_distinguished():
     assert words.angle(0.1) == "0.1 rad (5.73°)"
     assert words.angle(np.inf) == "overturns"
     assert words.angle(np.nan) == "unknown"
@@ -113,7 +112,6 @@ def test_limits_in_words():
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
 
 
-@pytest.mark.mends("a block of 0.55 m by 1.8 m toppled at 17.5°, which is its slenderness and not its angle")
 def test_the_toppling_angle_is_that_of_the_geometry():
     block = tpd.Block(width=0.55, height=1.8, mass=700.0)
     scene = tpd.Scene(block, tpd.paper_scene().excitation)

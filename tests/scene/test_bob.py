@@ -96,7 +96,7 @@ def test_a_bob_is_described_with_its_material():
         ({"shape": "cylinder", "aspect": 0.01}, r"`aspect` must be between 0\.1 and 20, but is 0\.01"),
     ],
 )
-def test_what_is_no_body_is_refused(given, message):
+def test_impossible_bodies_are_refused(given, message):
     with pytest.raises(ValueError, match=message):
         Bob(**given)
 

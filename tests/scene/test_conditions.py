@@ -27,7 +27,7 @@ def test_a_product_combines_every_condition_with_every_other():
     assert np.asarray(both.factor_rows()).shape == (6, len(FACTORS))
 
 
-def test_labels_say_what_differs():
+def test_labels_name_the_factors_that_differ():
     band = Conditions.band(SCENE, 2.0, 4.0, 2)
     assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
     assert band.label(1) == "4 Hz"

@@ -59,12 +59,12 @@ def test_spellings_of_one_earthquake():
 
 
 @pytest.mark.parametrize(("first", "second", "expected"), PAIRS)
-def test_what_is_one_earthquake_and_what_is_not(first, second, expected):
+def test_texts_of_one_earthquake_are_recognised(first, second, expected):
     assert is_one(first, second) is expected
     assert is_one(second, first) is expected
 
 
-def test_what_a_text_says():
+def test_name_and_time_of_an_earthquake_are_parsed():
     found = parsed("NOWHERE VALLEY 10/15/79 2316")
     assert (found.name, found.year, found.day) == (("nowhere", "valley"), 1979, date(1979, 10, 15))
     assert found.time == datetime(1979, 10, 15, 23, 16)

@@ -162,7 +162,7 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
         ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
     ],
 )
-def test_a_range_in_another_unit_is_asked_back(name, values, match):
+def test_a_range_in_another_unit_is_refused(name, values, match):
     setup = Setup.of(SCENE, PENDULUM)
     with pytest.raises(ValueError, match=match):
         setup.check("x", name, *values)

@@ -76,7 +76,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("make", WRONG)
-def test_what_is_refused(make):
+def test_wrong_samples_steps_and_scales_are_refused(make):
     call, message = WRONG[make]
     # The checker of types of the tests may speak first where a word stands for a tuple or a number.
     with pytest.raises((ValueError, TypeError), match=message):

@@ -72,7 +72,7 @@ UNITS = {
 
 
 @pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
-def test_quantities_in_another_unit_are_asked_back(make, given, said):
+def test_quantities_in_another_unit_are_refused(make, given, said):
     with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
         make(**given)
     assert said in str(refused.value)
@@ -80,7 +80,7 @@ def test_quantities_in_another_unit_are_asked_back(make, given, said):
 
 
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
-def test_a_gravity_in_another_unit_is_asked_back(gravity):
+def test_a_gravity_in_another_unit_is_refused(gravity):
     with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
@@ -206,7 +206,7 @@ def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
 
 
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
-def test_a_batch_of_any_part_meets_one_of_the_others(batched):
+def test_a_batch_of_one_part_combines_with_single_others(batched):
     first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.excitation}
     second = {
         Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),

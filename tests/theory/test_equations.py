@@ -109,7 +109,7 @@ def test_the_dropped_parametric_term_is_of_second_order_where_all_others_are_of_
 
 
 @pytest.mark.parametrize("s", SIGNS)
-def test_the_held_moment_is_what_row_one_asks_of_a_block_that_stands_still(s):
+def test_the_held_moment_satisfies_row_one_for_a_block_at_rest(s):
     block, bob = (r.subs({V[0]: 0, A[0]: 0, "sigma": 0}) for r in linearised(s))
     swing = sp.solve(bob, A[1])[0]
     moment = -(block - parametric(s) - s * (1 + MU) * NU).subs(A[1], swing)
@@ -156,7 +156,7 @@ def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
         np.testing.assert_allclose(rates, loop.held(t, y), atol=1e-13)
 
 
-def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_hung_from_a_fixed_point():
+def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_on_a_fixed_point():
     linear = Linear(Parameters(nu=0.2, mu=0.1, lam=0.7, zeta=1, k=0, f=0, xi=1))
     assert linear.c2**2 == pytest.approx(4 * linear.m22, rel=1e-14)
 

@@ -28,7 +28,7 @@ def still(nu, mu, lam, xi):
 SIZES = jax.jit(lambda x: jnp.stack(free_motion(still(*x))[:2]))
 
 
-def test_the_bare_block_has_the_closed_form():
+def test_free_motion_without_pendulum_has_the_closed_form():
     for xi in (0.4, 1.0, 2.0, 6.0):
         expected = 0.2 * (1 - 1 / np.cosh(np.pi / (2 * xi)))
         assert float(free_motion(still(0.2, 0.0, 0.7, xi)).amplitude) == pytest.approx(expected, rel=1e-13)
@@ -47,7 +47,7 @@ def test_the_motion_comes_back_mirrored_and_then_as_it_was(x):
     np.testing.assert_allclose(seen[1, :2], 0.0, atol=1e-12)
 
 
-def test_what_is_said_not_to_exist_is_no_such_motion():
+def test_a_free_motion_that_does_not_exist_cannot_be_followed():
     """Above the frequency of the swinging mode the formula's block would start below its corner."""
     p = still(0.2, 0.1, 0.4, 2.0)
     found = free_motion(p)
@@ -114,7 +114,7 @@ def lost(mu, lam, phi, **losses):
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("phi", [0.02, 0.1])
-def test_it_takes_from_a_free_cycle_what_the_impacts_take(case, phi):
+def test_the_equivalent_friction_takes_the_loss_of_the_impacts_of_a_free_cycle(case, phi):
     mu, lam = CASES[case]
     apart = []
     for e in (0.996, 0.998, 0.999):
@@ -125,7 +125,7 @@ def test_it_takes_from_a_free_cycle_what_the_impacts_take(case, phi):
     np.testing.assert_allclose(np.array(apart[:-1]) / apart[1:], 2.0, atol=0.1)
 
 
-def test_the_bare_block_s_is_the_closed_form_and_none_without_impact_loss():
+def test_the_equivalent_friction_without_pendulum_has_the_closed_form_and_vanishes_without_impact_loss():
     p = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.1, xi=2.0, e=0.9)
     assert float(equivalent_friction(p, 0.1)) == pytest.approx((1 - 0.9**2) * (2 * 0.2 - 0.1) / 4, rel=1e-14)
     assert float(equivalent_friction(struck(0.1, 0.5, 0.0)[0], 0.1)) == 0.0

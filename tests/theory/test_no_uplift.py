@@ -78,7 +78,7 @@ def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
         assert words.endswith("A dry base may have only 0.3: state `base_friction`") is has_hint
 
 
-def test_numbers_that_are_compared_are_told_apart():
+def test_compared_numbers_have_the_digits_that_distinguish_them():
     found = AtRest.of(0.3056, 0.0, 0.3055, base_friction=0.3054)
     assert (
         found.sliding_in_words

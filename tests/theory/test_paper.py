@@ -153,7 +153,7 @@ def test_19_lacks_a_sign_and_a_factor_in_the_phase():
 
 
 @pytest.mark.parametrize("xi", [1.5, 4.0])
-def test_19_asks_one_condition_too_many_unless_there_is_no_friction(xi):
+def test_19_has_one_condition_too_many_unless_there_is_no_friction(xi):
     rubbed, smooth = (Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=k, f=0.1, xi=xi) for k in (0.05, 0.0))
     quarter, orbits = 0.5 * np.pi / xi, orbits_of(smooth)
     crossing = float(orbits_of(rubbed).crossing[0])
