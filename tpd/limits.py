@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -44,7 +44,7 @@ __all__ = [
     "Worsening",
 ]
 """Public names, in the order of the reference."""
-MEASURES = "overturning", "tilt"
+Measure = Literal["overturning", "tilt"]
 """Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
 """Name of the size: half the height of the bob over the largest share of its rod."""
@@ -61,7 +61,7 @@ class Requirements:
     """Smallest benefit and largest harm of a recommended pendulum, over paired runs of the nonlinear
     equations.
 
-    All fields are shares between 0 and 1, except `measure`.
+    All fields are shares between 0 and 1, except `reduce`.
 
     Raises:
         ValueError: a share is out of range, or the measure is unknown.
@@ -75,7 +75,7 @@ class Requirements:
     at_least: checks.Real = 0.1
     """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
     %."""
-    reduce: str | None = None
+    reduce: Measure | None = None
     """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
     which a run that overturns counts as 1. Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
@@ -91,7 +91,7 @@ class Requirements:
         shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.reduce is not None:
-            checks.one_of("reduce", self.reduce, MEASURES)
+            checks.one_of("reduce", self.reduce, get_args(Measure))
 
     @property
     def allowed(self) -> float:

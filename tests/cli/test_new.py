@@ -8,12 +8,12 @@ import pytest
 
 from tests.cli.conftest import call
 from tpd.cli import new
-from tpd.cli.grammar import KINDS
+from tpd.cli.grammar import TEMPLATES
 from tpd.core import files
 from tpd.design import job as jobs
 from tpd.report import words
 
-EACH = pytest.mark.parametrize("kind", KINDS)
+EACH = pytest.mark.parametrize("kind", TEMPLATES)
 PULSE, RECORD_KEYS = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "validation_share")
 RECORDS = "--records el-centro loma-prieta --scales 2 3"
 
@@ -22,7 +22,7 @@ RECORDS = "--records el-centro loma-prieta --scales 2 3"
 def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("new", kind).out.startswith(f"written: {kind}.toml\nnext: ")
-    job = jobs.job_of(jobs.read(tmp_path / f"{kind}.toml"))
+    job = jobs.job_of(jobs.read_tables(tmp_path / f"{kind}.toml"))
     assert jobs.job_of(tomllib.loads(job.toml)) == job
     # None stands for the default conditions around the motion.
     assert job.conditions is None
@@ -107,7 +107,7 @@ def test_every_template_accepts_records(kind, inputs, tmp_path):
     (tmp_path / "mine.toml").write_text(text)
     done = call("optimise --scene mine.toml", RECORDS)
     assert done.err.splitlines()[-1] == "tpd: the search begins"
-    job = jobs.job_of(jobs.read(tmp_path / "mine.toml"))
+    job = jobs.job_of(jobs.read_tables(tmp_path / "mine.toml"))
     assert (inputs["scene"].gravity, inputs["scene"].block) == (9.79, job.scene.block)
     assert (inputs["space"], inputs["requirements"]) == (job.space, job.requirements)
     assert {x.name for x in inputs["limits"]} == {x.name for x in job.limits} - {"worsening", "reserve"}

@@ -159,7 +159,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert again.files["scene.toml"].read_text() == first.files["scene.toml"].read_text()
     stored = tpd.read_design(folder / "first")
     assert stored.job.tables["excitation"]["records"] == [str(folder / "mine"), "loma-prieta"]
-    assert stored.job.block == jobs.job_of(jobs.read(folder / "job.toml")).block
+    assert stored.job.block == jobs.job_of(jobs.read_tables(folder / "job.toml")).block
 
 
 def test_a_pendulum_is_checked_with_the_records_of_a_job(on_records):

@@ -6,7 +6,7 @@ import pytest
 
 import tpd
 from tpd.cli import common, grammar, parser
-from tpd.cli.options import Option, number_or_text
+from tpd.cli.options import Option, keys, number_or_text
 from tpd.design import job as jobs
 
 TABLE = """
@@ -116,7 +116,10 @@ def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, e
 def test_every_declared_option_is_compared_with_a_file():
     groups = [x for x in vars(grammar).values() if isinstance(x, tuple) and isinstance(x[0], Option)]
     assert len(groups) == 9
-    flags = {option.flag for group in groups for option in group if not option.one} | {"--validation-share"}
+    flags = {option.flag for group in groups for option in group if not option.one}
+    flags |= {
+        key["option"].split()[0] for table in keys().values() for key in table.values() if "option" in key
+    }
     assert {*flags, "--scatter"} == {word for word in TABLE.split() if word[:2] == "--"}
 
 

@@ -16,9 +16,9 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.design import job as jobs
 from tpd.design.ground_motion import GroundMotionProblem, motion_factors
-from tpd.design.job_keys import SCHEMA
 from tpd.design.settings import Descent
 from tpd.design.space import DesignSpace
+from tpd.design.tables import SCHEMA
 from tpd.limits import Requirements
 from tpd.records import el_centro, loma_prieta
 from tpd.scene.bob import Bob
@@ -164,7 +164,7 @@ def test_keys_without_effect_are_not_written():
 )
 def test_keys_that_an_option_makes_pointless_are_dropped(given, over, dropped):
     table, key = dropped.split(".")
-    merged, full = jobs.merged(given, over)
+    merged, full = jobs.merge_tables(given, over)
     assert key in given[table]
     assert key not in merged[table]
     # The completion that a merge needs is the one that the job has.
@@ -173,7 +173,7 @@ def test_keys_that_an_option_makes_pointless_are_dropped(given, over, dropped):
     with pytest.raises(
         ValueError, match=r"^`search.risk_share` requires `search.risk` cvar, which this job does"
     ):
-        jobs.job_of(*jobs.merged({"search": {"risk_share": 0.2}}, {"search": {"seed": 1}}))
+        jobs.job_of(*jobs.merge_tables({"search": {"risk_share": 0.2}}, {"search": {"seed": 1}}))
 
 
 def test_a_job_states_accelerations_in_g():
@@ -220,12 +220,12 @@ def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatc
     )
     (tmp_path / "there" / "job.toml").write_text(motion)
     monkeypatch.chdir(tmp_path)
-    job = jobs.job_of(jobs.read(Path("there/job.toml")))
+    job = jobs.job_of(jobs.read_tables(Path("there/job.toml")))
     assert job.tables["excitation"]["records"] == [str(tmp_path / "there" / "quake"), "el-centro"]
     assert job.motions[0].event == "quake"
     # The job of a report finds its records wherever it lies.
     (tmp_path / "scene.toml").write_text(job.toml)
-    assert jobs.job_of(jobs.read(tmp_path / "scene.toml")) == job
+    assert jobs.job_of(jobs.read_tables(tmp_path / "scene.toml")) == job
     assert list(job.validation_share) == ["one.csv"]
 
 
@@ -238,7 +238,7 @@ def test_an_option_that_chooses_records_drops_the_harmonic_keys_of_a_file():
         "search": {"searches": 3, "seed": 4},
         "scatter": {"frequency": 0.1, "length": 0.03},
     }
-    merged, full = jobs.merged(given, {"excitation": RECORDS})
+    merged, full = jobs.merge_tables(given, {"excitation": RECORDS})
     assert merged["excitation"] == RECORDS | {"kind": "records"}
     assert (merged["conditions"], merged["limits"]) == ({}, {"stroke": 0.4})
     assert (merged["requirements"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
@@ -246,7 +246,7 @@ def test_an_option_that_chooses_records_drops_the_harmonic_keys_of_a_file():
     assert job.full == jobs.job_of(merged).full
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.
-    harmonic, _ = jobs.merged({"excitation": RECORDS}, {"excitation": {"amplitude": 0.02}})
+    harmonic, _ = jobs.merge_tables({"excitation": RECORDS}, {"excitation": {"amplitude": 0.02}})
     assert harmonic["excitation"] == {"amplitude": 0.02, "kind": "harmonic"}
 
 

@@ -124,7 +124,7 @@ def read_case(options: argparse.Namespace) -> Case:
         if len(paths) > 1:
             pair = f"{options.job} and {options.scene}"
             raise ValueError(f"JOB and --scene must name the same job file, but are {pair}")
-        job = jobs.job_of(*jobs.merged({} if not paths else jobs.read(*paths.values()), tables))
+        job = jobs.job_of(*jobs.merge_tables({} if not paths else jobs.read_tables(*paths.values()), tables))
         return Case(job, read_pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
     if name.suffix == ".toml" and name.is_file():
         raise ValueError(f"{name} is a job file, but DESIGN is the folder of a report: write --scene {name}")
@@ -135,7 +135,7 @@ def read_case(options: argparse.Namespace) -> Case:
     if any(others) or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
         raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
-    return Case(jobs.job_of(*jobs.merged(design.tables, tables)), design.pendulum)
+    return Case(jobs.job_of(*jobs.merge_tables(design.tables, tables)), design.pendulum)
 
 
 def set_up_jax(job: jobs.Job) -> None:

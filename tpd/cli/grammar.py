@@ -14,7 +14,7 @@ from typing import Any
 from tpd.cli.options import Option, Parser, SetWidths, keys
 from tpd.core.files import path_of
 
-KINDS = ("tower", "chimney", "column", "statue", "paper")
+TEMPLATES = ("tower", "chimney", "column", "statue", "paper")
 """Names of the job files that `tpd new` can write, one template each."""
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 """Formats that `tpd export` writes, with the default name of the file."""
@@ -24,62 +24,47 @@ _DONE = "Exit status: 0 success; 2 invalid input, the message says what is allow
 """Explanation of the exit status of most commands."""
 
 
-def _options_of(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
-    """Return one option for each key of a table. The option is named like the key."""
-    return tuple(Option(f"--{key.replace('_', '-')}", table, key, x) for key, x in metavars.items())
+def _options(table: str, names: str) -> tuple[Option, ...]:
+    """Return the options of some keys of a table, which `tpd/design/tables.py` declares."""
+    return tuple(Option(table, name) for name in names.split())
 
 
-BLOCK = (
-    *_options_of("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
-    *_options_of("block", radius_of_gyration="M", base_friction="X"),
-    Option("--cavity", "block", "cavity_width", "M"),
+BLOCK = _options(
+    "block", "width height mass friction restitution radius_of_gyration base_friction cavity_width"
 )
-HARMONIC = _options_of("excitation", amplitude="M", frequency="HZ")
-PULSE = _options_of("excitation", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
-READING = _options_of(
-    "excitation", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N", factor="X"
+HARMONIC = _options("excitation", "amplitude frequency")
+PULSE = _options("excitation", "pulse pulse_frequency cycles phase pga")
+READING = _options("excitation", "channel dt unit baseline columns skip factor")
+# Commands that simulate one motion have `--record` and `--scale`. The others have `--records` and `--scales`.
+_RECORD = Option("excitation", "records", "--record FILE", help="file, or name such as el-centro", one=True)
+_SCALE = Option(
+    "excitation",
+    "scales",
+    "--scale X",
+    help="factor on the acceleration of the motion",
+    one=True,
+    also={"intensity": "scale"},
 )
-_FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
-# Commands that simulate one motion have `--record` and one `--scale`. Commands that need several have
-# `--records` and `--scales`.
-RECORD = (
-    Option("--record", "excitation", "records", "FILE", one=True, help="file, or name such as el-centro"),
-    *READING,
-    Option(
-        "--scale", "excitation", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR
-    ),
-)
-RECORDS = (
-    *_options_of("excitation", records="FILE", scales="X", intensity="WORD", event="NAME"),
-    *READING,
-)
-VALIDATION_SHARE = Option("--validation-share", "excitation", "validation_share", "X")
+RECORD = (_RECORD, *READING, _SCALE)
+RECORDS = (*_options("excitation", "records scales intensity event"), *READING)
 _NO_WALLS = "no walls around the bob: no limit on clearance"
-NO_WALLS = Option("--no-walls", "limits", "clearance", value=False, help=_NO_WALLS)
+NO_WALLS = Option("limits", "clearance", "--no-walls", value=False, help=_NO_WALLS)
 DESIGN = (
-    *_options_of("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
-    Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
-    Option("--pendulum-length", "space", "length", ("LO", "HI")),
-    Option("--damping", "space", "damping_ratio", ("LO", "HI")),
-    Option("--stroke", "limits", "stroke", "RAD"),
-    Option("--bob", "bob", "shape", "WORD"),
+    *_options("space", "mass_ratio length_ratio mass length damping_ratio"),
+    *_options("limits", "stroke"),
+    *_options("bob", "shape"),
     NO_WALLS,
 )
 _REST = "if the block can stay at rest, assume that it does (default: assume the largest stable motion)"
 CONDITIONS = (
-    Option("--exactly", "conditions", "exactly"),
-    Option("--band", "conditions", "band", ("LO", "HI")),
-    Option("--amplitudes", "conditions", "amplitudes", "X"),
-    Option("--risk", "search", "risk", "WORD"),
-    Option("--from-rest", "starts", "kind", value="rest", help=_REST),
+    *_options("conditions", "exactly band amplitudes"),
+    *_options("search", "risk"),
+    Option("starts", "kind", "--from-rest", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options_of("search", optimiser="WORD", searches="N", designs="N", steps="N"),
-    Option("--at-least", "requirements", "at_least", "X"),
-    Option("--reduce", "requirements", "reduce", "WORD"),
-    Option("--wall-contacts", "requirements", "wall_contacts", "X"),
-    Option("--seed", "search", "seed", "N"),
-    Option("--pareto", "search", "pareto", help="also search for three lighter pendulums and validate them"),
+    *_options("search", "optimiser searches designs steps"),
+    *_options("requirements", "at_least reduce wall_contacts"),
+    *_options("search", "seed pareto"),
 )
 
 
@@ -191,7 +176,7 @@ def _add_cluster(command: Parser) -> None:
 
 
 def _new(command: Parser) -> None:
-    command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
+    command.add_argument("kind", choices=TEMPLATES, metavar="KIND", help=f"one of {', '.join(TEMPLATES)}")
     text = "job file to write; it must not exist yet (default KIND.toml)"
     command.add_argument("--out", type=path_of, metavar="FILE", help=text)
 
@@ -204,12 +189,12 @@ def _record(command: Parser) -> None:
 
 
 def _assess(command: Parser) -> None:
-    _add_job(command, *HARMONIC, *PULSE, RECORD[0], *RECORDS)
+    _add_job(command, *HARMONIC, *PULSE, _RECORD, *RECORDS)
     _add_group(command, "conditions", CONDITIONS)
 
 
 def _optimise(command: Parser) -> None:
-    _add_job(command, *HARMONIC, *PULSE, *RECORDS, VALIDATION_SHARE)
+    _add_job(command, *HARMONIC, *PULSE, *RECORDS, *_options("excitation", "validation_share"))
     _add_group(command, "design space and limits", DESIGN)
     conditions = _add_group(command, "conditions", CONDITIONS)
     # One option sets many keys of the table [scatter], so that it is no `Option`.

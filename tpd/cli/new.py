@@ -27,5 +27,5 @@ def run(options: argparse.Namespace) -> int:
 
 
 def template(kind: str) -> str:
-    """Return the job file of one of `tpd.cli.grammar.KINDS`."""
+    """Return the job file of one of `tpd.cli.grammar.TEMPLATES`."""
     return resources.files("tpd.cli").joinpath("templates", f"{kind}.toml").read_text(encoding="utf-8")

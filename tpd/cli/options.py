@@ -96,13 +96,11 @@ def _count(part: dict[str, Any]) -> int:
 class Option:
     """Option that sets a key of the job file."""
 
-    flag: str
-    """Name with its two hyphens."""
     table: str
     """Table of the job file that contains the key."""
     key: str
-    metavar: str | tuple[str, ...] | None = None
-    """Placeholder of the value in the help; None for an option without a value."""
+    words: str = ""
+    """Name with its hyphens and the placeholders of its values; empty for those of the schema."""
     value: Any = True
     """Value of the key if the option takes none on the command line."""
     also: dict[str, Any] = field(default_factory=dict)
@@ -112,23 +110,39 @@ class Option:
     one: bool = False
     """Whether the option takes a single value although the key is a list."""
 
+    @property
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of the key."""
+        return keys()[self.table][self.key]
+
+    @property
+    def flag(self) -> str:
+        """Name with its hyphens."""
+        return (self.words or self.schema["option"]).split()[0]
+
+    @property
+    def placeholders(self) -> tuple[str, ...]:
+        """Placeholders of the values in the help; empty for an option without a value."""
+        return tuple((self.words or self.schema["option"]).split()[1:])
+
     def add(self, parser: Any) -> None:
         """Add the option to a parser or a group of its options."""
-        key = keys()[self.table][self.key]
         # The default is read from the schema, so that the help text always agrees with the code.
-        default = key.get("default") if self.metavar is not None else None
-        text = _clause(key["description"])
+        default = self.schema.get("default") if self.placeholders else None
+        text = _clause(self.schema["description"])
         if default is not None:
             values = default if isinstance(default, list) else [default]
             text += f" (default {' '.join(v if isinstance(v, str) else f'{v:g}' for v in values)})"
-        counts = {_count(part) for part in _parts(key)}
+        counts = {_count(part) for part in _parts(self.schema)}
         # nargs of argparse: 0 for a switch, None for one value, a number for a vector of fixed length, and
         # "+" where one value and several are both allowed, such as a number or two bounds.
-        count = 0 if self.metavar is None else None
-        if self.metavar is not None and counts != {1} and not self.one:
+        count = None if self.placeholders else 0
+        if self.placeholders and counts != {1} and not self.one:
             count = max(counts) if min(counts) > 1 else "+"
-        text = (self.help or text).replace("%", "%%")
-        parser.add_argument(self.flag, action=_Set, option=self, nargs=count, metavar=self.metavar, help=text)
+        how: dict[str, Any] = {"nargs": count, "help": (self.help or text).replace("%", "%%")}
+        if self.placeholders:
+            how["metavar"] = self.placeholders if len(self.placeholders) > 1 else self.placeholders[0]
+        parser.add_argument(self.flag, action=_Set, option=self, **how)
 
     def values_of(self, values: Any) -> dict[str, Any]:
         """Return the keys that the option sets with their values.
@@ -136,9 +150,9 @@ class Option:
         Args:
             values: text after the option, or a list of texts.
         """
-        parts = _parts(keys()[self.table][self.key])
+        parts = _parts(self.schema)
         is_text = any(part.get("items") == {"type": "string"} for part in parts)
-        if self.metavar is None:
+        if not self.placeholders:
             value = self.value
         elif parts == [{**parts[0], "type": "string"}]:
             # The key is a text: a name that looks like a number remains a text.

@@ -9,7 +9,7 @@ import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,26 +18,25 @@ from tpd.compiled import compiling
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.core.formatting import number_hint
-from tpd.design.job_keys import (
-    MOTIONS,
-    PAPER,
-    READING,
-    SHAPE,
-    Tables,
-    as_typed,
-    complete,
-    default_of,
-    is_around,
-    keys_of,
-    kinds_in,
-    lacks,
-    placed,
-    size_of,
-    widths_of,
-)
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.design.space import TWINS, DesignSpace, check_moves, check_scatter
+from tpd.design.tables import (
+    EXCITATIONS,
+    PAPER,
+    READING,
+    TABLES,
+    Tables,
+    complete_tables,
+    is_around,
+    kinds_in,
+    lacks,
+    required_keys,
+    size_of,
+    typed_tables,
+    widths_of,
+    with_absolute_paths,
+)
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Requirements, Worsening
@@ -95,8 +94,6 @@ class Job(ABC):
     """Class of the settings of the search."""
     only: ClassVar[str]
     """Argument of `tpd.optimise` that other kinds of jobs do not have."""
-    required_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys of [excitation] that are required together with a user's own block."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
@@ -105,7 +102,7 @@ class Job(ABC):
         Raises:
             ValueError: the file cannot be read, or the job is not allowed.
         """
-        return job_of(read(path_of(path)))
+        return job_of(read_tables(path_of(path)))
 
     @property
     def kind(self) -> str:
@@ -123,7 +120,7 @@ class Job(ABC):
         Python."""
         values = {name: x for name, x in self.full["block"].items() if x is not None}
         # The default block is that of the paper. A user's own block has the defaults of `Block`.
-        if all(values[x] == getattr(PAPER.block, x) for x in SHAPE):
+        if all(values[x] == getattr(PAPER.block, x) for x in required_keys("block")):
             values = vars(PAPER.block) | values
         with naming("block"):
             return Block(**values)
@@ -292,12 +289,17 @@ class Job(ABC):
         with naming("requirements"):
             return Requirements(**self.full["requirements"])
 
+    @property
+    def _search_keys(self) -> set[str]:
+        """Keys of [search] that are settings of the search."""
+        return {f.name for f in fields(self.search)} & self.full["search"].keys()
+
     @cached_property
     def method(self) -> Descent | GroundSearch:
         """Settings of the search."""
         keys = self.full["search"]
         with naming("search"):
-            return self.search(**{x: keys[x] for x in keys_of(self.search) if keys[x] is not None})
+            return self.search(**{x: keys[x] for x in self._search_keys if keys[x] is not None})
 
     @cached_property
     @abstractmethod
@@ -394,7 +396,7 @@ class Job(ABC):
 class HarmonicJob(Job):
     """Job with a harmonic motion."""
 
-    compiled, search, only, required_keys = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
+    compiled, search, only = compiling.HARMONIC, Descent, "starts"
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -405,7 +407,7 @@ class HarmonicJob(Job):
     @cached_property
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
         with naming("excitation"):
-            return (Harmonic(**{name: self.full["excitation"][name] for name in self.required_keys}),), ()
+            return [Harmonic(**{x: self.full["excitation"][x] for x in required_keys("excitation")})], ()
 
     @property
     def ground_motions(self) -> tuple[GroundMotion, ...]:
@@ -470,7 +472,7 @@ class RecordsJob(Job):
     def settled_scene(self, asker: str, again: str) -> Scene:
         """See `Job.settled_scene`."""
         raise ValueError(
-            f"{asker} needs a harmonic motion, but the job has {MOTIONS[self.kind]}: give {again} with "
+            f"{asker} needs a harmonic motion, but the job has {EXCITATIONS[self.kind]}: give {again} with "
             "--amplitude and --frequency"
         )
 
@@ -548,7 +550,7 @@ _JOBS: dict[str, type[Job]] = {"harmonic": HarmonicJob, "pulse": PulseJob, "reco
 """Classes of jobs, by the kind of motion."""
 
 
-def read(path: Path) -> dict[str, Any]:
+def read_tables(path: Path) -> dict[str, Any]:
     """Read the tables of a job file without checking them. Paths of records become relative to the file.
 
     Raises:
@@ -573,10 +575,10 @@ def read(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
     if not tables:
         raise ValueError(f"{path} is empty: create a job file with `tpd new`")
-    return {table: placed(table, values, path.parent) for table, values in tables.items()}
+    return {table: with_absolute_paths(table, values, path.parent) for table, values in tables.items()}
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Tables]:
+def merge_tables(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Tables]:
     """Return the tables `base`, in which values of `over` replace earlier ones, as given and complete.
 
     A key that has no effect any more because of `over` is left out. A file with a share for the measure cvar
@@ -585,7 +587,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Ta
     Raises:
         ValueError: a table or key is unknown, or a value has the wrong type.
     """
-    out = {table: dict(values) for table, values in as_typed(base).items()}
+    out = {table: dict(values) for table, values in typed_tables(base).items()}
     for table, values in over.items():
         # A ratio replaces the value in SI units of the same quantity, and vice versa.
         replaced = {pair[1 - i] for pair in TWINS.items() for i in (0, 1) if pair[i] in values}
@@ -595,20 +597,20 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Ta
         # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)
     # Options that belong to one kind of motion switch the job to this kind.
-    chosen = list(kinds_in(as_typed(over).get("excitation", {})))
+    chosen = list(kinds_in(typed_tables(over).get("excitation", {})))
     if len(chosen) == 1:
         out["excitation"]["kind"] = chosen[0]
     # A key may depend on another key of the file, on an option, or on a default. Compare before and after:
     # only a key that had an effect before and has none after is left out.
     is_switched = bool(chosen) and set(kinds_in(base.get("excitation", {})) or ["harmonic"]) != set(chosen)
-    full = complete(out)
+    full = complete_tables(out)
     places = ((table, key) for table, values in base.items() for key in values.keys() - over.get(table, {}))
     idle = [place for place in places if lacks(full, *place)]
-    before = complete(base) if idle and not is_switched else None
+    before = complete_tables(base) if idle and not is_switched else None
     for table, key in idle:
         if before is None or not lacks(before, table, key):
             out[table].pop(key, None)
-            full[table][key] = default_of(full["excitation"]["kind"], table, key)
+            full[table][key] = TABLES[table][key].default_under(full["excitation"]["kind"])
     return out, full
 
 
@@ -617,24 +619,24 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
 
     Args:
         tables: tables as given.
-        full: the complete tables, if they are known; see `merged`.
+        full: the complete tables, if they are known; see `merge_tables`.
 
     Raises:
         ValueError: a table or key is unknown, a value is not allowed, a key has no effect, or the block is
             incomplete.
     """
-    full = complete(tables) if full is None else full
+    full = complete_tables(tables) if full is None else full
     for table, values in full.items():
         for key, value in values.items():
             # A key without an effect is an error, because a user would rely on the limit or the seed. A file
             # may still contain defaults, and limits that are switched off.
-            is_usual = value == default_of(full["excitation"]["kind"], table, key) or key == "kind"
+            is_usual = value == TABLES[table][key].default_under(full["excitation"]["kind"]) or key == "kind"
             is_off = table == "limits" and value is False
             missing = "" if is_usual or is_off else lacks(full, table, key)
             if missing:
                 raise ValueError(f"`{table}.{key}` requires {missing}, which this job does not have")
     job = _JOBS[full["excitation"]["kind"]](full=full)
-    _check_whole_block(tables, job.required_keys)
+    _check_whole_block(tables, job.kind)
     with naming("search"):
         checks.count("seed", job.seed, least=0)
     # Check the block first, because a wrong block causes many other errors.
@@ -651,24 +653,24 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.
     full["block"] |= {name: getattr(job.block, name) for name in ("friction", "restitution", "cavity_width")}
-    full["search"] |= {name: getattr(job.method, name) for name in keys_of(job.search)}
+    full["search"] |= {name: getattr(job.method, name) for name in job._search_keys}
     full["space"] |= {name: getattr(job.space, name) for name in TWINS.values()}
     return job
 
 
-def _check_whole_block(tables: Mapping[str, Any], required_keys: Sequence[str]) -> None:
-    """Raise `ValueError` if a user's own block or its motion is incomplete.
+def _check_whole_block(tables: Mapping[str, Any], kind: str) -> None:
+    """Raise `ValueError` if a user's own block or its excitation is incomplete.
 
-    The values of the paper must not complete such a block. Losses alone, or a motion alone, are variations of
-    the scene of the paper and are allowed.
+    The values of the paper must not complete such a block. Losses alone, or an excitation alone, are
+    variations of the scene of the paper and are allowed.
     """
-    block, motion = tables.get("block", {}), tables.get("excitation", {})
-    # The job describes a block of its own if one of these keys is present.
-    own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
     missing = {
-        "block": [k for k in SHAPE if k not in block],
-        "excitation": [k for k in required_keys if k not in motion],
+        table: [x for x in required_keys(table, kind) if x not in tables.get(table, {})]
+        for table in ("block", "excitation")
     }
+    # The job describes a block of its own if one of these keys is present.
+    shape = (*required_keys("block"), "radius_of_gyration")
+    own = [key for key in shape if key in tables.get("block", {})]
     if not own or not any(missing.values()):
         return
     lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)

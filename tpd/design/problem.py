@@ -21,11 +21,11 @@ from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job, job_of
-from tpd.design.job_keys import TABLES
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace
+from tpd.design.tables import TABLES
 from tpd.limits import (
     DEFAULT_LIMITS,
     LIMIT_KINDS,

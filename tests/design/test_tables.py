@@ -10,11 +10,12 @@ from tests.design.test_job import refusal
 from tpd import limits
 from tpd.answers.ensemble import Ensemble
 from tpd.design import job as jobs
-from tpd.design.job_keys import SCHEMA, TABLES, json_schema
 from tpd.design.risk import Risk
-from tpd.design.settings import Descent
+from tpd.design.settings import VALIDATION_SHARE, Descent
 from tpd.design.space import DesignSpace
+from tpd.design.tables import SCHEMA, TABLES, json_schema
 from tpd.limits import Requirements
+from tpd.records.read import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS
 from tpd.scene.scene import Block
@@ -50,7 +51,7 @@ def test_every_limit_is_a_key_that_becomes_it():
 
 def test_the_published_schema_is_up_to_date():
     published = SCHEMA.read_text(encoding="utf-8")
-    assert published == json_schema(), "run: python -m tpd.design.job_keys"
+    assert published == json_schema(), "run: python -m tpd.design.tables"
 
 
 def test_the_published_schema_refuses_what_the_reader_refuses():
@@ -64,6 +65,16 @@ def test_the_published_schema_refuses_what_the_reader_refuses():
         assert not validator.is_valid(given)
         with pytest.raises(ValueError, match=r"there is no|must be"):
             jobs.job_of(given)
+
+
+def described(table, key):
+    """Return the description of a key."""
+    return json.loads(json_schema())["properties"][table]["properties"][key]["description"]
+
+
+def test_descriptions_of_records_name_the_built_in_ones_and_the_default_share():
+    assert all(name in described("excitation", "records") for name in (*BUILT_IN, *SETS))
+    assert f"(default {VALIDATION_SHARE:g})" in described("excitation", "validation_share")
 
 
 WRONG = [None, True, False, -1, 0, 3, 2**40, -0.5, 1e-12, 1e300, float("nan"), float("inf"), "", "x", "3"]
@@ -80,6 +91,5 @@ def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
 
 
 def test_the_help_of_the_risk_measure_names_the_stages_that_use_it():
-    says = TABLES["search"]["risk"].says
-    assert "only the descents use it, and later stages compare mean tilts" in says
+    assert "only the descents use it, and later stages compare mean tilts" in described("search", "risk")
     assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())
