@@ -62,7 +62,7 @@ class Need(msgspec.Struct, frozen=True):
 
     words: str = ""
     """What the key needs, in words."""
-    is_met: Callable[[Tables], bool] = lambda full: True
+    holds: Callable[[Tables], bool] = lambda full: True
     """Whether a complete job has it."""
 
 
@@ -457,7 +457,7 @@ def lacks(full: Tables, table: str, name: str) -> str:
     key = TABLES[table][name]
     if key.kinds and full["excitation"]["kind"] not in key.kinds:
         return " or ".join(EXCITATIONS[kind] for kind in key.kinds)
-    return "" if key.need.is_met(full) else key.need.words
+    return "" if key.need.holds(full) else key.need.words
 
 
 def json_schema() -> str:
