@@ -61,7 +61,7 @@ class Need(msgspec.Struct, frozen=True):
     """Condition on the other keys of a job without which a key has no effect."""
 
     words: str = ""
-    """What the key needs, in words."""
+    """Words for the condition."""
     holds: Callable[[Tables], bool] = lambda full: True
     """Whether a complete job has it."""
 
@@ -75,7 +75,7 @@ class Key(msgspec.Struct, frozen=True):
     kinds: tuple[str, ...] = ()
     """Kinds of excitation under which the key has an effect; empty for all kinds."""
     need: Need = Need()
-    """What else the key needs to have an effect."""
+    """Condition on other keys without which the key has no effect."""
     defaults: Mapping[str, Any] = {}
     """Defaults under some kinds of excitation, which replace `default`."""
     default: Any = None
