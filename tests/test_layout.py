@@ -193,15 +193,6 @@ def test_a_misspelt_name_at_the_top_is_an_error_that_names_it():
     assert refused.value.name == "optimize", "Python suggests a similar name"
 
 
-def test_the_table_of_equations_names_modules_that_exist():
-    table = ast.get_docstring(tree(ROOT / "__init__.py")) or ""
-    rows = [line.split("|")[3] for line in table.splitlines() if line.startswith("|")][2:]
-    named = [name for row in rows for name in re.findall(r"\w+/\w+", row)]
-    assert len(rows) >= 12
-    assert all(re.findall(r"\w+/\w+", row) for row in rows)
-    assert all((ROOT / f"{name}.py").exists() for name in named), named
-
-
 def test_no_text_has_a_placeholder_for_a_number():
     texts = [*ROOT.parent.glob("tests/*.py"), *FILES]
     placeholder = re.compile(r"\b(?:X{1,3}|N{2,3}|TODO|TBD) (?:lines|%|per cent|runs|seconds|s|kg|m|rad)\b")

@@ -128,6 +128,12 @@ def _guards(rows: Rows) -> tuple[str, bool]:
     return f"{sum(seen)} of {len(seen)}", all(seen)
 
 
+def _mutations(rows: Rows) -> tuple[str, bool]:
+    places = sum(r["places"] - r["equivalent"] for r in rows)
+    noticed = places - sum(len(r["survivors"]) for r in rows)
+    return f"{noticed / places:.0%} of {places}", noticed >= 0.95 * places
+
+
 _LOOP = "Limit: the time of the loop, which needs the number of periods, may miss events and has no status."
 _COMPILED = "Limit: as measured. Numba and XLA compile, and both store the compiled code."
 AIMS = (
@@ -242,6 +248,9 @@ AIMS = (
         "all",
         _kills,
         "As measured.",
+    ),
+    Aim(
+        "mutations", "Changed operators and constants that a test notices", "95 %", _mutations, "As measured."
     ),
     Aim("guards", "Guards with a test that fails without the guard", "all", _guards, "As measured."),
 )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.benchmarks.intervals import AT_LEAST, SCALES, SHARE, Pairs, holds, in_earthquakes
+from tests.benchmarks.intervals import SCALES, Pairs, holds, in_earthquakes
 from tests.benchmarks.stored import columns
 from tests.designs import paired
 from tpd.answers.paired import LEAST, Decision, PairedRuns
@@ -20,6 +20,8 @@ from tpd.answers.statistics import Interval, fall
 
 QUESTION = "Do reductions contain the truth that are quoted because their own earthquakes passed?"
 SEED = 0
+AT_LEAST, SHARE = 0.1, 0.5
+"""Required reduction, and the part of it that must be significant."""
 REDUCTIONS, QUAKES = (0.08, 0.16, 0.30), (5, 7, 11, 22)
 HALVES = (22, 44, 80)
 """Numbers of earthquakes for which one half decides and the other half is quoted."""

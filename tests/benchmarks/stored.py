@@ -27,10 +27,10 @@ from typing import Any, NamedTuple
 import tpd
 
 NAMES = (
-    *("precision", "smoothing", "engine", "commands", "ladder", "ground"),
-    *("benefit", "earthquakes", "optima", "engines", "cluster", "intervals", "quoted", "explore", "guards"),
+    *("precision", "smoothing", "engine", "commands", "ground", "benefit", "earthquakes", "optima"),
+    *("engines", "cluster", "intervals", "quoted", "guards", "mutations"),
 )
-LONG = ("guards",)
+LONG = ("guards", "mutations")
 """Benchmarks that `--stale` does not run."""
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).parent / "results"
