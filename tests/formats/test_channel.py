@@ -21,7 +21,7 @@ from tests.formats.synthetic import (
 )
 from tpd import Record
 from tpd.formats import channel
-from tpd.formats.channel import FACTORS, Channel, of_file, orientation, plain
+from tpd.formats.channel import FACTORS, Channel, of_file, orientation, unit_spelling
 from tpd.formats.text import Decimal, UnreadableRecord
 
 
@@ -29,9 +29,13 @@ def test_units():
     units = ["m/s2", "M/S^2", "m/s²", "m s-2", "cm/sec/sec", "Gal", "mm/s2", "g", "%g", "milli-g", "inch/s/s"]
     factors = [1.0] * 4 + [0.01] * 2 + [0.001, G, 0.01 * G, 0.001 * G, 0.0254]
     for unit, factor in zip(units, factors, strict=True):
-        assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
-        assert channel.unit_of(unit, 1) == plain(unit)
-        assert channel.factor_of(None, unit) == channel.factor_of(plain(unit), unit) == FACTORS[plain(unit)]
+        assert FACTORS[unit_spelling(unit)] == pytest.approx(factor, rel=1e-15)
+        assert channel.unit_of(unit, 1) == unit_spelling(unit)
+        assert (
+            channel.factor_of(None, unit)
+            == channel.factor_of(unit_spelling(unit), unit)
+            == FACTORS[unit_spelling(unit)]
+        )
 
 
 def test_a_unit_is_known_and_none_overrules_another():

@@ -219,7 +219,7 @@ def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> Non
         raise UnreadableRecord(f"the file states {what} twice and differently, {first:g} and {second:g}")
 
 
-def plain(text: str) -> str:
+def unit_spelling(text: str) -> str:
     """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC; any other text unchanged."""
     # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same unit.
     unit = text.strip(" \t.,;:").lower().replace("²", "2").replace("^", "").replace("**", "")
@@ -237,7 +237,7 @@ def unit_of(text: str, line: int) -> str:
     Raises:
         UnreadableRecord: the text is not a known unit.
     """
-    unit = plain(text)
+    unit = unit_spelling(text)
     if unit not in FACTORS:
         wanted = f"a unit of acceleration ({_SHOWN})"
         raise UnreadableRecord(f"line {line} must state {wanted}, but has {shown(text)}")
@@ -246,9 +246,9 @@ def unit_of(text: str, line: int) -> str:
 
 def check_unit(unit: str) -> str:
     """Return the unit that a user passes, in the spelling of `FACTORS`."""
-    if not isinstance(unit, str) or plain(unit) not in FACTORS:
+    if not isinstance(unit, str) or unit_spelling(unit) not in FACTORS:
         raise ValueError(f"`unit` must be one of {_SHOWN}, but is {unit!r}")
-    return plain(unit)
+    return unit_spelling(unit)
 
 
 def factor_of(stated: str | None, unit: str | None) -> float:

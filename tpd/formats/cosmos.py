@@ -48,7 +48,7 @@ def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged, contradicts itself, or contains counts of the instrument.
     """
     blocks: list[Channel | str] = []
-    while cursor.at == 0 or not cursor.only_blank_lines_follow():
+    while not cursor.only_blank_lines_follow():
         blocks.append(_block(cursor, unit))
     cursor.require_end()
     channels = [block for block in blocks if isinstance(block, Channel)]

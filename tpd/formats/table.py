@@ -30,7 +30,7 @@ from tpd.formats.channel import (
     factor_of,
     is_component,
     orientation,
-    plain,
+    unit_spelling,
 )
 from tpd.formats.text import (
     NUMBER,
@@ -350,8 +350,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
         if (match := re.fullmatch(form, part, re.I)) is None:
             continue
         value = next((group for group in match.groups() if group), "").strip("()[] ")
-        if what == "unit" and plain(value) in FACTORS:
-            return what, plain(value)
+        if what == "unit" and unit_spelling(value) in FACTORS:
+            return what, unit_spelling(value)
         if what in ("count", "rate") and (size := Decimal.of(value).value) > 0.0:
             return (what, size) if what == "count" else ("step", 1.0 / size)
         if what == "step":
@@ -362,7 +362,7 @@ def _statement(part: str) -> tuple[str, Any] | None:
         if what == "source":
             for word in value.split():
                 is_up = orientation(word.replace("up", ""))
-                if is_up or plain(word) in FACTORS or _NO_SOURCE.fullmatch(word):
+                if is_up or unit_spelling(word) in FACTORS or _NO_SOURCE.fullmatch(word):
                     raise _Unknown(word)
             return what, value
     return None
@@ -384,7 +384,7 @@ def _column(cell: str, *, first: bool) -> _Column:
         message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"
         raise NoAcceleration(message, "response spectrum")
     for i, word in enumerate(pieces):
-        low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
+        low, unit, bracketed = word.strip(" .").lower(), unit_spelling(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
         # A lone V in brackets may be volts.
         is_name = is_component(word.strip(" .")) and not (bracketed and low == "v")
@@ -399,7 +399,7 @@ def _column(cell: str, *, first: bool) -> _Column:
             digits += re.sub(r"\D", "", word)
         elif is_name or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
-        elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
+        elif low != "in" or unit_spelling("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
     # V next to accelerations is the vertical component, but v in m/s is a velocity.
     quantities |= {_QUANTITIES[unit] for unit in units}
@@ -517,7 +517,7 @@ def _remedy(
         name = _BRACKET.sub(" ", cell).strip() if _unknown_word([cell], k) else cell
         says = None if _unknown_word([name], k) else _column(name, first=k == 0)
         # Units in a bracket that was removed from the name: the column may be another quantity.
-        units = {plain(unit) for unit in _BRACKET.findall(cell) if name != cell}
+        units = {unit_spelling(unit) for unit in _BRACKET.findall(cell) if name != cell}
         if says is None or units & {*_QUANTITIES} or (units and says.quantity == "time"):
             continue
         if name in columns or (is_up and says.quantity == "acceleration" and not says.component):
@@ -541,10 +541,12 @@ def _remedy(
     # Look for a unit and a factor in the names of the used columns, or in the line.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
     stated = [text for _, text in head if re.match(r"\W*units?\b", text.lower())]
-    stated_units = {plain(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
-    rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
+    stated_units = {unit_spelling(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
+    rest = [
+        word for word in _GAPS.split(used if above == named else above) if unit_spelling(word) not in FACTORS
+    ]
     match = _FACTOR.fullmatch(piece)
-    if match and plain(match[2] or match[3]) in FACTORS:
+    if match and unit_spelling(match[2] or match[3]) in FACTORS:
         options["factor"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
     elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["factor"] = "FACTOR"

@@ -32,7 +32,7 @@ SETS = {
 """Names of the sets in a job file, with their names in `tpd.records.sets`."""
 _FEW = 3
 """Largest number of records that are described one by one."""
-_USUAL = (0.001, 2.0)
+_PLAUSIBLE_PGA = (0.001, 2.0)
 """Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
 _ROUNDING, _SAME, _ALIKE = 0.01, 0.9999, 0.75
 """Largest difference of two copies over their peak, and smallest correlations of two scaled copies and of two
@@ -134,8 +134,10 @@ def read_motions(
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     motions: list[GroundMotion] = [replace(record, event=quake) for record, quake, _ in unique]
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record, _, _ in unique]
-    if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not _USUAL[0] <= x <= _USUAL[1]]:
-        usual = f"usual are {_USUAL[0]:g} to {_USUAL[1]:g} g"
+    if odd := [
+        f"{name} ({number(x)} g)" for name, x in sizes if not _PLAUSIBLE_PGA[0] <= x <= _PLAUSIBLE_PGA[1]
+    ]:
+        usual = f"usual are {_PLAUSIBLE_PGA[0]:g} to {_PLAUSIBLE_PGA[1]:g} g"
         wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
