@@ -1,5 +1,7 @@
 """Files of COSMOS."""
 
+import re
+
 import pytest
 
 from tests.formats.reader import DATA, FORM, check
@@ -28,6 +30,33 @@ def test_a_block_of_velocities_is_checked_and_left_out(tmp_path):
     path.write_text(other)
     with pytest.raises(UnreadableRecord, match="an acceleration, but has only velocity"):
         Record.read_all(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "code", "factor"),
+    [
+        ("g", 2, 9.80665),
+        ("cm/sec2", 4, 0.01),
+        ("in/sec2", 7, 0.0254),
+        ("gal", 10, 0.01),
+        ("mg", 11, 0.00980665),
+    ],
+)
+def test_every_unit_of_acceleration_has_its_code(tmp_path, unit, code, factor):
+    text, path = FORM["cosmos"].write(5.0 * shaking(100), 0.01), tmp_path / "a.V2c"
+    path.write_text(text.replace("cm/sec2(04)", f"{unit}({code:02d})").replace("cm/sec2 at", f"{unit} at"))
+    assert Record.read_all(path)[0].pga == pytest.approx(5.0 * factor, rel=1e-5)
+
+
+def test_header_and_text_must_state_the_same_peak_and_time(tmp_path):
+    text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
+    peak, time = re.search(r"Max = +(\S+) cm/sec2 at +(\S+) sec", text).groups()
+    for stated, last, message in ((peak, 1e-5, "the peak"), (time, 1e-3, "the time of the peak")):
+        header, changed = (f"{float(stated) + x:15.6f}" for x in (0.0, 1.5 * last))
+        assert header in text
+        path.write_text(text.replace(header, changed, 1))
+        with pytest.raises(UnreadableRecord, match=f"states {message} twice and differently"):
+            Record.read_all(path)
 
 
 def test_the_whole_line_of_the_unit_counts(tmp_path):

@@ -34,9 +34,9 @@ PULSES = {
         ),
     ),
     "mavroeidis-papageorgiou": (
-        Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=0.4),
+        Pulse.mavroeidis_papageorgiou(velocity=1.6, frequency=F, cycles=2.0, phase=0.4),
         2.0,
-        lambda t: mavroeidis(t - 1.0 / F),
+        lambda t: 1.6 * mavroeidis(t - 1.0 / F),
     ),
 }
 """Pulse, its periods, and its acceleration at t from its beginning, m/s^2."""
