@@ -11,10 +11,8 @@ from typing import NamedTuple
 import pytest
 
 import tpd
-from tests.report.conftest import harmonic
+from tests.report.conftest import harmonic, json_text
 from tpd.cli import main
-from tpd.design.as_built import Details
-from tpd.report.json import as_json
 
 COLUMN = "--width 1 --height 6 --mass 9000 --friction 0 --restitution 0.9595"
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
@@ -61,4 +59,4 @@ def run(tmp_path) -> Callable[..., Done]:
 
 def design_json(job: dict, pendulum: dict | None = None) -> str:
     """Return the text of design.json for a job and a pendulum."""
-    return json.dumps(json.loads(as_json(harmonic(), Details(), job)) | {"pendulum": pendulum})
+    return json.dumps(json.loads(json_text(harmonic(), job)) | {"pendulum": pendulum})

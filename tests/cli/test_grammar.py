@@ -100,7 +100,7 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # A search takes long: a prepared design replaces it.
     monkeypatch.setattr(optimise, "solve", lambda *_, **__: harmonic())
-    monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
+    monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(optimise, "details", lambda *_, **__: replace(details(), histories=()))
     # Bifurcations take long as well, and are in the tests of `tpd response`.
     monkeypatch.setattr("tpd.answers.response.bifurcations", lambda *_, **__: ())

@@ -49,7 +49,7 @@ def run_with(monkeypatch, tmp_path):
             return design
 
         monkeypatch.setattr(optimise, "solve", search)
-        monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
+        monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
         shown = replace(details(), histories=())
         monkeypatch.setattr(optimise, "details", lambda *_, front, **__: replace(shown, front=front))
         return call("optimise", *words, out=Path("out")), inputs

@@ -10,13 +10,13 @@ import pytest
 
 import tpd
 from tests import designs
+from tests.report.conftest import json_text
 from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import StoredDesign, read_design
 from tpd.design.validate import Validated
-from tpd.report.json import as_json
 
 BLOCK = tpd.Block(
     width=0.1 + 0.2, height=1.1 / 0.9, mass=100.0 / 3.0, restitution="housner", cavity_width=0.2 + 1e-16
@@ -59,7 +59,7 @@ def design():
 @pytest.fixture
 def damaged(design, tmp_path):
     """Read a report of which one key is changed; a value that is absent takes the key away."""
-    whole = json.loads(as_json(design, Details(build=build_of(design)), JOB))
+    whole = json.loads(json_text(design, JOB, Details(build=build_of(design))))
 
     def read(**changes) -> StoredDesign:
         content = {k: v for k, v in (whole | changes).items() if v is not ...}

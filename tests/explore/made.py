@@ -14,7 +14,7 @@ from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.design.stored_design import VERSION, StoredDesign
 from tpd.design.validate import Validated
-from tpd.report.json import plain
+from tpd.report.json import json_of
 
 RATIOS = np.array([0.1, 0.6, 0.12])
 EQUIVALENT = np.array([[0.09, 0.58, 0.1], [0.105, 0.61, 0.15]])
@@ -62,10 +62,10 @@ def stored(folder: Path, name: str = "") -> StoredDesign:
         "version": VERSION,
         "status": "recommended",
         "verdict": "RECOMMENDED for the stated conditions.",
-        "pendulum": plain(own.pendulum),
+        "pendulum": json_of(own.pendulum),
         "job": {"project": {"name": name}} if name else {},
         "versions": {},
-        "validated": plain(own.validated),
+        "validated": json_of(own.validated),
         "equivalent": EQUIVALENT.tolist(),
     }
     folder.mkdir(exist_ok=True)

@@ -1,11 +1,16 @@
 """`tpd.plot`: every result with a picture, its arguments, and one sentence for a mistake."""
 
+import re
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pytest
 
 import tpd
+from tests.report.conftest import details, harmonic
 from tpd.answers.response import settled_response
 from tpd.answers.spectra import RockingSpectrum
+from tpd.plots.results import draw
 from tpd.plots.style import new_axes
 
 SCENE = tpd.paper_scene()
@@ -48,3 +53,16 @@ def test_a_mistake_is_one_sentence(design_map, single):
     ):
         with pytest.raises(ValueError, match=message):
             tpd.plot(result, **how)
+
+
+def test_files_of_pictures_have_the_format_of_their_names_and_the_body_of_the_search():
+    for name in ("benefit", "response", "motion"):
+        found = draw(f"{name}.svg", harmonic(), details())
+        assert ElementTree.fromstring(found).tag.endswith("svg")
+    assert draw("search.png", harmonic(), details()).startswith(b"\x89PNG")
+    found = draw("drawing.svg", harmonic(), details())
+    assert found == draw("drawing.svg", harmonic(), details())
+    words = re.sub(r"<[^>]+>", " ", found.decode())
+    assert f"{details().build.bob_width:.3g} m wide" in words
+    with pytest.raises(ValueError, match=r"`name` must be one of search\.png"):
+        draw("other.svg", harmonic(), details())

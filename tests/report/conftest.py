@@ -7,6 +7,8 @@ import tpd
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
+from tpd.report.json import as_json
+from tpd.report.summary import summary
 
 SCENE = tpd.paper_scene()
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=5000.0, cavity_width=0.8, restitution=0.9595)
@@ -44,6 +46,17 @@ def ground() -> Design:
 def details(kind: str = "harmonic") -> Details:
     """What the report of a design shows beside it."""
     return tpd.details(DESIGNS[kind]())
+
+
+def flat(text: str) -> str:
+    """Return a text without its line breaks."""
+    return " ".join(text.split())
+
+
+def json_text(design: Design, job: dict, details: Details | None = None) -> str:
+    """Return the content of design.json, by default without further results."""
+    details = Details() if details is None else details
+    return as_json(design, details, summary(design, details), job)
 
 
 def tuned() -> Design:

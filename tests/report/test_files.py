@@ -2,8 +2,6 @@
 
 import csv
 import io
-import re
-import xml.etree.ElementTree as ElementTree
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,8 +12,12 @@ from tests.report.conftest import details, harmonic, rejected, tuned
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
-from tpd.report import files
-from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
+from tpd.report.files import add_engine, motion_csv, response_csv, write
+
+
+def stub(name: str, *_) -> bytes:
+    """Return an empty picture in the format of a file."""
+    return b"<svg/>" if name.endswith("svg") else b"\x89PNG" if name.endswith("png") else b"GIF8"
 
 
 def read(text: str) -> tuple[list[str], list[list[str]]]:
@@ -24,7 +26,7 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
 
 
 def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
+    monkeypatch.setattr("tpd.plots.results.draw", stub)
     toml = "[block]\nwidth = 0.1\n"
     written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml)
     names = [path.name for path in written]
@@ -42,7 +44,7 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
 
 
 def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
+    monkeypatch.setattr("tpd.plots.results.draw", stub)
     write(tmp_path, harmonic(), details(), {}, "[block]")
     (tmp_path / "explore.html").write_text("a page of the user")
     (tmp_path / "animation.gif").rename(tmp_path / "mine.gif")
@@ -58,7 +60,7 @@ def test_a_report_is_written_with_its_job(tmp_path, monkeypatch):
     def unsaid(_):
         raise ValueError("a limit of one's own")
 
-    monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
+    monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     design, details = rejected(), Details()
     assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", details=details)}
@@ -68,20 +70,6 @@ def test_a_report_is_written_with_its_job(tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match=r"the report is written without scene\.toml: a limit of one's own"):
         written = tpd.write_report(design, tmp_path / "b", details=details)
     assert "scene.toml" not in {path.name for path in written}
-
-
-def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_requested_body():
-    for name in ("benefit", "response", "motion"):
-        found = draw(f"{name}.svg", harmonic(), details())
-        assert ElementTree.fromstring(found).tag.endswith("svg")
-    assert draw("search.png", harmonic(), Details()).startswith(b"\x89PNG")
-    found = draw("drawing.svg", harmonic(), Details())
-    assert found == draw("drawing.svg", harmonic(), Details())
-    words, build = re.sub(r"<[^>]+>", " ", found.decode()), details().build
-    assert "kg" in words
-    assert f"{build.bob_width:.3g}" in words
-    with pytest.raises(ValueError, match="`name` must be one of benefit"):
-        draw("other.svg", harmonic(), Details())
 
 
 def test_motions_and_responses_are_tables():
@@ -136,12 +124,12 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     def drawn(name, *_):
         if name.startswith("search"):
             raise RuntimeError("latex was not able to process\nthe following string")
-        return b"<svg/>" if name[-3:] == "svg" else b"GIF8"
+        return stub(name)
 
-    monkeypatch.setattr(files, "draw", drawn)
+    monkeypatch.setattr("tpd.plots.results.draw", drawn)
     there, said = [], []
     job = harmonic(), details(), {}, "[block]"
-    then = lambda: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
+    then = lambda _: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
     written = write(tmp_path, *job, then=then, warn=said.append)
     assert set(there) == {
         "report.txt",
@@ -162,7 +150,9 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
 
 
 def test_a_report_under_ground_motions_is_written_as_a_whole(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"\x89PNG")
+    monkeypatch.setattr(
+        "tpd.plots.results.draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"\x89PNG"
+    )
     names = {path.name for path in tpd.write_report(tuned(), tmp_path)}
     assert {"report.txt", "design.json", "scene.toml", "trials.csv", "report.html", "drawing.svg"} <= names
     # The design of a report is read again with its job.

@@ -8,13 +8,11 @@ from importlib import resources
 import jsonschema
 import pytest
 
-from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic
-from tpd.design.as_built import Details
+from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic, json_text
 from tpd.design.design import FrontPoint
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import VERSION
-from tpd.report.answer import verdict
-from tpd.report.json import as_json
+from tpd.report.summary import verdict
 
 SCHEMA = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
@@ -22,7 +20,7 @@ JOB = {"block": {"width": 0.1}, "search": {"seed": 0}}
 
 
 def written(design, about=None) -> dict:
-    return json.loads(as_json(design, Details() if about is None else about, JOB))
+    return json.loads(json_text(design, JOB, about))
 
 
 @pytest.mark.parametrize("kind", DESIGNS)

@@ -133,8 +133,11 @@ def test_wall_contact_is_a_danger_whatever_a_job_allows():
     for share, count in ((0.62, 1), (0.005, 0)):
         found = notes(changed(tuned(), over_limit=share), Details())
         dangers = [n for n in found if n.severity is Severity.danger]
-        assert sum("A limit is exceeded in 62.0 % of the runs" in n.text for n in dangers) == count
-    assert not said(ground(), "A limit is exceeded")
+        assert (
+            sum("62.0 % of the runs in which the block stands exceed a limit" in n.text for n in dangers)
+            == count
+        )
+    assert not said(ground(), "exceed a limit")
 
 
 def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():

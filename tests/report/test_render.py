@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 import pytest
 
 from tests.report.conftest import DESIGNS, details, harmonic
-from tpd.report.blocks import Code, Figure, Note, Report, Section, Table, Text, danger, note
-from tpd.report.content import content, names
+from tpd.report.blocks import Code, Figure, Note, Report, Section, Summary, Table, Text, danger, note
+from tpd.report.content import content, figures
 from tpd.report.render import html, text
 
 VOID = {"meta", "img", "br", "link"}
@@ -49,12 +49,11 @@ def of(*blocks) -> Report:
 
 
 def report(verdict: Note, *sections: Section) -> Report:
-    answer = Table(("", ""), (("bob", "5 kg"),))
-    return Report("title", verdict, (), answer, None, (), sections)
+    return Report("title", Summary(verdict, (), (("bob", "5 kg"),), None), (), sections)
 
 
 def test_the_page_is_whole_and_needs_nothing_from_outside():
-    pictures = dict.fromkeys(names(harmonic(), details()), PNG)
+    pictures = dict.fromkeys(figures(harmonic(), details()), PNG)
     page = html(content(harmonic(), details(), "[block]\n"), pictures)
     reader = read(page)
     assert "http:" not in page
@@ -72,16 +71,16 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
 def test_page_and_text_have_the_same_content_in_the_same_order(kind):
     found = content(DESIGNS[kind](), details(kind), "[block]\n")
     said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
-    assert report.startswith(found.verdict.marked)
+    assert report.startswith(found.summary.verdict.marked)
     # A section of pictures alone is not in the text.
     titles = [s.title for s in found.sections if any(not isinstance(b, Figure) for b in s.blocks)]
     for words in (said, report):
-        parts = [found.verdict.text, *titles, f"Seed {DESIGNS[kind]().seed}."]
-        last = words.index(found.verdict.text)
+        parts = [found.summary.verdict.text, *titles, f"Seed {DESIGNS[kind]().seed}."]
+        last = words.index(found.summary.verdict.text)
         for part in parts[1:]:
             last = words.index(part, last + 1)
-        assert all(cell in words for row in found.answer.cells for cell in row)
-        assert found.comparison.caption in words
+        assert all(cell in words for row in found.summary.rows for cell in row)
+        assert found.summary.comparison.caption in words
 
 
 def test_severities_are_classes_and_all_but_the_first_screen_is_folded():

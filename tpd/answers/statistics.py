@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import root
 from scipy.special import bdtr, betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
-from tpd.core.formatting import ends, interval, percent
+from tpd.core.formatting import confidence, interval, percent
 
 SIGNIFICANT = 0.05
 """Probability below which a difference between two shares is significant."""
@@ -87,7 +87,7 @@ class Interval:
         # A share that rounds to zero must not read "-0 %".
         less = self.mean > -0.005
         low, high = (self.low, self.high) if less else (-self.high, -self.low)
-        around = f" (95 % interval {ends(low, high)})" if math.isfinite(low) else ""
+        around = f" {confidence(low, high)}" if math.isfinite(low) else ""
         return less, percent(abs(self.mean)), around
 
 

@@ -11,7 +11,7 @@ from tpd.answers.motion_history import sliding
 from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import checks
-from tpd.core.formatting import compared, number
+from tpd.core.formatting import number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
 from tpd.design.harmonic import HarmonicProblem
@@ -22,7 +22,7 @@ from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass, check_cavity, stroke_limit
-from tpd.report import answer, files, words
+from tpd.report import answer, files, summary, words
 from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import SLIDES, AtRest
@@ -106,18 +106,16 @@ def _check_by_models(
         sentences.append(sliding(problem.scene, problem.stated_motions, pendulum))
         # Sliding comes first, because the runs do not describe a base that slides.
         sentences.sort(key=lambda text: not text.startswith(SLIDES))
-        share, most = compared(validation.over_limit, problem.allowed, 1, words.percent)
         sentences += [
             f"{runs.description}: {words.reduction(runs, validation.measure)}.",
-            f"The pendulum exceeds a limit in {share} of the runs in which the block stands "
-            f"(allowed: at most {most}).",
+            f"{words.exceeding(validation.over_limit, problem.allowed)}.",
         ]
         if runs.undecided:
             sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
         # Ground motions have groups: those of the search, and those that were kept for validation.
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
-            sentences += [f"  {text}" for text in answer.at_levels(problem, runs)]
+            sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
     verdict = answer.verdict_lines(validation.status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
     return [*table, *before, "", *after], validation.status.is_sound

@@ -9,10 +9,10 @@ from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar, say
-from tpd.design.as_built import Details, details
-from tpd.design.design import Design
+from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve
 from tpd.report import answer
+from tpd.report.blocks import Summary
 from tpd.report.files import write
 
 _FEWEST_LINES = 12
@@ -39,20 +39,20 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The lines on the records and the answer together should fit on a terminal.
     lines = max(_FEWEST_LINES, answer.MOST - len(messages))
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
-    show = partial(_show, options, design, shown, lines)
+    show = partial(_show, options, lines)
     how = {"then": show, "warn": lambda message: say(f"tpd: {message}")}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 
-def _show(options: argparse.Namespace, design: Design, shown: Details, lines: int) -> None:
+def _show(options: argparse.Namespace, lines: int, summary: Summary) -> None:
     """Print the answer in the form that the options choose: by default at most `lines` lines."""
     if options.json:
         text = (options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n")
     elif options.verbose:
         text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
     elif options.quiet:
-        text = f"{answer.verdict(design, shown).text}\n{options.out}"
+        text = f"{summary.verdict.text}\n{options.out}"
     else:
-        text = "\n" + answer.answer(design, shown, options.out, lines)
+        text = "\n" + answer.in_lines(summary, lines)
     print_answer(text)

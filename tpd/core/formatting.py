@@ -37,9 +37,9 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
 
 
-def ends(low: float, high: float, digits: int = 0) -> str:
+def ends(low: float, high: float, digits: int = 0, word: str = "to") -> str:
     """Format the ends of an interval of shares in per cent, such as "22 to 28 %"."""
-    return f"{percent(low, digits)[:-2]} to {percent(high, digits)}"
+    return f"{percent(low, digits)[:-2]} {word} {percent(high, digits)}"
 
 
 def interval(value: float, low: float, high: float, digits: int = 0) -> str:
@@ -49,6 +49,17 @@ def interval(value: float, low: float, high: float, digits: int = 0) -> str:
     """
     around = f" ({ends(low, high, digits)})" if math.isfinite(low) else ""
     return percent(value, digits) + around
+
+
+def confidence(low: float, high: float) -> str:
+    """Format the interval of 95 % confidence of a share, such as "(95 % interval 22 to 28 %)"."""
+    return f"(95 % interval {ends(low, high)})"
+
+
+def with_and_without(pendulum: float, without: float) -> str:
+    """Format the shares of the same quantity in both cases, such as "1.5 % with the pendulum, 3.0 % without
+    it"."""
+    return f"{percent(pendulum, 1)} with the pendulum, {percent(without, 1)} without it"
 
 
 def compared(
@@ -127,6 +138,11 @@ def counted(names: np.ndarray) -> str:
     # Names of statuses have underscores, and their words have none.
     each = ((str(name).replace("_", " "), count) for name, count in Counter(names.ravel().tolist()).items())
     return ", ".join(f"{count} {name}" for name, count in sorted(each, key=lambda pair: -pair[1]))
+
+
+def unanswered(count: int) -> str:
+    """Return the last sentence of a caption on runs without an answer; empty if there are none."""
+    return f" {count} runs without an answer are left out." if count else ""
 
 
 def counted_periods(n: int) -> str:

@@ -13,10 +13,11 @@ from tpd.answers.fragility import Fragility
 from tpd.answers.response import Branches, Response
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
+from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.optimise import Front
-from tpd.plots import compare, drawing, landscape, maps, response
-from tpd.plots.style import CASES
+from tpd.plots import animation, compare, drawing, landscape, maps, response
+from tpd.plots.style import CASES, saved
 from tpd.scene.record import Record
 
 
@@ -89,6 +90,29 @@ def plot(
     for each in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
         checks.instance(allowed[-1], each, Axes)
     return draw(result, **options)
+
+
+def draw(name: str, design: Design, details: Details) -> bytes:
+    """Return the content of a picture file of a report.
+
+    Args:
+        name: name of the file, which gives its format.
+        design: the answer of `optimise`.
+        details: the answer of `tpd.details`, with the results of this picture.
+    """
+    scene, histories, limit = design.scene, details.histories, design.stroke_limit
+    drawings: dict[str, Callable[[], Any]] = {
+        "search.png": lambda: landscape.plot_landscape(design),
+        "benefit.svg": lambda: compare.plot_benefit(design),
+        "conditions.svg": lambda: compare.plot_conditions(design),
+        "drawing.svg": lambda: drawing.plot_design(design),
+        "response.svg": lambda: response.plot_response(details.responses, scene.excitation.frequency),
+        "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
+        "front.svg": lambda: compare.plot_front(details.front),
+        "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),
+    }
+    checks.one_of("name", name, tuple(drawings))
+    return saved(drawings[name](), name.rpartition(".")[2])
 
 
 def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:

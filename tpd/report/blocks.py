@@ -133,18 +133,33 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Report:
-    """A whole report: the content of the first screen, and sections for details."""
+class Summary:
+    """Answer of the terminal, and first screen of the page."""
 
-    title: str
     verdict: Note
-    dangers: tuple[Note, ...]
-    answer: Table
-    """Rows of a name and a sentence, without column headings."""
+    notes: tuple[Note, ...]
+    """All notes, the dangers first."""
+    rows: tuple[tuple[str, str], ...]
+    """Names and sentences on block, pendulum and limits."""
     comparison: Table | None
     """Results with and without the pendulum, from one set of runs; None if there are no runs."""
+    commands: tuple[tuple[str, str], ...] = ()
+    """Names and sentences on the files of the report and on further questions, with commands."""
+
+    @property
+    def dangers(self) -> tuple[Note, ...]:
+        """The notes that are dangers, such as more overturning or wall contact."""
+        return tuple(n for n in self.notes if n.severity is Severity.danger)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A whole report, which the terminal, a text, a page and a file with all results render."""
+
+    title: str
+    summary: Summary
     figures: tuple[Figure, ...]
-    """Drawing and animation."""
+    """Drawing and animation, beside the summary."""
     sections: tuple[Section, ...]
 
 

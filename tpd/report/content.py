@@ -8,17 +8,18 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tpd.core import files
-from tpd.core.formatting import interval, number
+from tpd.core.formatting import interval, number, percent
 from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
-from tpd.report import answer, construction, sections, words
+from tpd.report import construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
-from tpd.report.notes import notes
+from tpd.report.summary import repeat, summary
 
-CAPTIONS = {
+_CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
         "Left: block and base, to scale. Right: the pendulum as built, on a larger scale. Dashed: the bob "
@@ -88,53 +89,53 @@ def content(
         date: date of the report, for the title.
         record_notes: notes of the reader on the files of the records.
     """
-    all_notes = notes(design, details)
     # A picture whose data is missing has no figure, so that the report does not refer to it.
-    ready = names(design, details)
-    # Lists, because a section takes its picture as a list that is empty if there is no picture.
-    figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in ready else [] for n in CAPTIONS}
-    if design.pendulum is None:
-        figures["drawing"] = [Figure("drawing.svg", CAPTIONS["drawing.svg"][0], "Block and base, to scale.")]
+    first, drawn = summary(design, details, directory, name), figures(design, details)
+
+    def picture(file: str) -> list[Block]:
+        # A picture whose data is missing has no figure, so that the report does not refer to it.
+        return [drawn[file]] if file in drawn else []
+
     # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
     # it stops to hold, how it was computed.
     parts: dict[str, list[Block]] = {
-        "Notes": [n for n in all_notes if n.severity is not Severity.danger],
+        "Notes": [n for n in first.notes if n.severity is not Severity.danger],
         "Build it": construction.section(design, details),
-    } | sections.sections(design, details, figures, record_notes)
-    front: list[Block] = [*figures["front"], _front(details.front, design)] if details.front else []
+    } | sections.sections(design, details, picture, record_notes)
+    front: list[Block] = [*picture("front.svg"), _front(details.front, design)] if details.front else []
     parts |= {
         "Lighter pendulums": front,
         "Assumptions": [Listing(tuple(_assumptions(design)))],
         "How to repeat it": _repeat(design, job_toml, directory),
     }
-    runs = design.runs
-    # The project has a row only if it has a name.
-    rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, details))
     return Report(
         title=words.title(design.scene, name, date),
-        verdict=answer.verdict(design, details),
-        dangers=tuple(n for n in all_notes if n.severity is Severity.danger),
-        answer=Table(("", ""), tuple(rows)),
-        comparison=None if runs is None else words.comparison(runs),
-        figures=(*figures["drawing"], *figures["animation"]),
+        summary=first,
+        figures=tuple(drawn[name] for name in ("drawing.svg", "animation.gif") if name in drawn),
         sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
     )
 
 
-def names(design: Design, details: Details) -> tuple[str, ...]:
-    """Return the names of the pictures for which the design and its details have data."""
-    settles = design.problem.settles
+def figures(design: Design, details: Details) -> dict[str, Figure]:
+    """Return the figures by the names of their files, for all pictures that the results have data for."""
+    is_started = bool(details.histories)
     has_data = {
         "benefit.svg": design.runs is not None,
-        "conditions.svg": settles and len(design.conditions) > 1 and design.conditions.axis is not None,
+        "conditions.svg": design.problem.settles
+        and len(design.conditions) > 1
+        and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,
         "response.svg": bool(details.responses),
-        "motion.svg": bool(details.histories),
+        "motion.svg": is_started,
         "front.svg": bool(details.front),
         "drawing.svg": True,
-        "animation.gif": bool(details.histories),
+        "animation.gif": is_started,
     }
-    return tuple(name for name, exists in has_data.items() if exists)
+    all_figures = {name: Figure(name, *_CAPTIONS[name]) for name, exists in has_data.items() if exists}
+    if design.pendulum is None:
+        alone = "Block and base, to scale."
+        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption=alone)
+    return all_figures
 
 
 def _front(points: Sequence[FrontPoint], design: Design) -> Table:
@@ -187,7 +188,7 @@ def _assumptions(design: Design) -> list[str]:
         "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
         f"Scatter of the validation runs: {problem.scatter_in_words()}. Each is uniformly distributed and "
         "the same with and without the pendulum.",
-        f"Limits, which all but {words.percent(problem.allowed)} of the runs in which the block stands must "
+        f"Limits, which all but {percent(problem.allowed)} of the runs in which the block stands must "
         f"keep: {limits}.{of_orbits}",
     ]
 
@@ -196,10 +197,8 @@ def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block
     """Return the command and the job file that repeat the search, and the versions of the packages."""
     out: list[Block] = []
     if directory is not None:
-        # The quotes allow blanks in the name of the folder.
-        scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
-        out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
         out += [
+            Code(repeat(directory)),
             Text("This command writes explore.html, an interactive page of this design, beside this page:"),
             Code(f"tpd explore {shlex.quote(str(directory))}"),
         ]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -18,7 +18,8 @@ from tpd.core.progress import Progress, shown
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.as_built import details as compute
 from tpd.design.design import Design
-from tpd.report.content import content, names
+from tpd.report.blocks import Summary
+from tpd.report.content import content, figures
 from tpd.report.json import as_json
 from tpd.report.render import html, text
 from tpd.scene.quantities import UNITS
@@ -37,7 +38,7 @@ def write(
     job_toml: str,
     record_notes: Sequence[str] = (),
     *,
-    then: Callable[[], None] = lambda: None,
+    then: Callable[[Summary], None] = lambda summary: None,
     warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
     """Write all files of a report and return their paths.
@@ -51,18 +52,23 @@ def write(
         job_tables: the job as plain tables, for design.json; empty if no job file can describe the problem.
         job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
         record_notes: notes of the reader on the files of the records.
-        then: function that is called when the numbers are written, before the first picture is drawn.
+        then: function that is called with the summary when the numbers are written, before the first picture
+            is drawn.
         warn: function that is called with a sentence for each picture that cannot be drawn, and on files
             in the folder that do not belong to the report.
     """
     name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
     report = content(design, details, job_toml, folder, name, files.today(), record_notes)
-    tables = {"report.txt": text(report)} | dict(_tables(design, details, job_tables, job_toml, record_notes))
+    results_json = as_json(design, details, report.summary, job_tables, record_notes)
+    tables = {"report.txt": text(report), files.REPORT: results_json}
+    tables |= {"scene.toml": job_toml} if job_toml else {}
+    tables |= _tables(design, details)
     results = files.Results(directory, files.REPORT)
     written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
-    then()
-    drawn = {n: results.draw(n, partial(draw, n, design, details), warn) for n in names(design, details)}
+    then(report.summary)
+    names = figures(design, details)
+    drawn = {name: results.draw(name, partial(_draw, name, design, details), warn) for name in names}
     pictures = {name: picture for name, picture in drawn.items() if picture is not None}
     written += [directory / name for name in pictures]
     # The page is written last, so that a folder with a page contains a complete report.
@@ -123,48 +129,28 @@ def write_report(
     return write(folder, design, results, job.tables, job.toml)
 
 
-def _tables(
-    design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, record_notes: Sequence[str]
-) -> Iterator[tuple[str, str]]:
-    """Yield the names and contents of the files with numbers."""
-    yield files.REPORT, as_json(design, details, job_tables, record_notes)
-    if job_toml:
-        yield "scene.toml", job_toml
+def _draw(name: str, design: Design, details: Details) -> bytes:
+    # Matplotlib loads slowly. The numbers are written before, without it.
+    from tpd.plots.results import draw
+
+    return draw(name, design, details)
+
+
+def _tables(design: Design, details: Details) -> dict[str, str]:
+    """Return the contents of the tables of numbers by the names of their files."""
+    tables = {}
     if details.responses:
-        yield "response.csv", response_csv(details.responses)
+        tables["response.csv"] = response_csv(details.responses)
     if details.histories:
-        yield "motion.csv", motion_csv(details.histories)
+        tables["motion.csv"] = motion_csv(details.histories)
     # The rows of this table are the dots in the picture of the search.
     if (trials := design.trials) is not None:
-        head = ("mu", "lam", "zeta", "value", "trend", "overturned", "undecided", "feasible", *trials.names)
-        columns = trials.value, trials.trend, trials.overturned, trials.undecided, trials.feasible
-        rows = zip(trials.designs, *columns, trials.sizes, strict=True)
-        yield "trials.csv", files.as_csv(head, ((*d, *(x.item() for x in more), *s) for d, *more, s in rows))
-
-
-def draw(name: str, design: Design, details: Details) -> bytes:
-    """Return the content of the picture file `name`, which must be one of `names(design, details)`.
-
-    Raises:
-        ValueError: another name.
-    """
-    # Matplotlib loads slowly. The text is written before, without it.
-    from tpd.plots import animation, compare, drawing, landscape, response
-    from tpd.plots.style import saved
-
-    scene, histories, limit = design.scene, details.histories, design.stroke_limit
-    drawings: dict[str, Callable[[], Any]] = {
-        "search.png": lambda: landscape.plot_landscape(design),
-        "benefit.svg": lambda: compare.plot_benefit(design),
-        "conditions.svg": lambda: compare.plot_conditions(design),
-        "drawing.svg": lambda: drawing.plot_design(design),
-        "response.svg": lambda: response.plot_response(details.responses, scene.excitation.frequency),
-        "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
-        "front.svg": lambda: compare.plot_front(details.front),
-        "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),
-    }
-    checks.one_of("name", name, names(design, details))
-    return saved(drawings[name](), name.rpartition(".")[2])
+        columns = dict(zip(("mu", "lam", "zeta"), trials.designs.T, strict=True))
+        sizes = ("value", "trend", "overturned", "undecided", "feasible")
+        columns |= {name: getattr(trials, name) for name in sizes}
+        columns |= zip(trials.names, trials.sizes.T, strict=True)
+        tables["trials.csv"] = files.as_table(columns)
+    return tables
 
 
 def response_csv(responses: Sequence[Response]) -> str:

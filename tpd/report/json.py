@@ -20,10 +20,8 @@ from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.reasons import Reason
 from tpd.design.sizes import MOTION_KINDS
 from tpd.design.stored_design import VERSION
-from tpd.records.read import summary
 from tpd.report import words
-from tpd.report.answer import verdict
-from tpd.report.notes import notes
+from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
 
 _DESIGN = "equivalent", "benefit", "overturning_reduction", "conditions", "space", "seed"
@@ -31,7 +29,11 @@ _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
 def as_json(
-    design: Design, details: Details, job_tables: dict[str, Any], record_notes: Sequence[str] = ()
+    design: Design,
+    details: Details,
+    first: Summary,
+    job_tables: dict[str, Any],
+    record_notes: Sequence[str] = (),
 ) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
@@ -47,9 +49,9 @@ def as_json(
     entries = {
         "version": VERSION,
         "status": design.status.name,
-        "verdict": verdict(design, details).text,
+        "verdict": first.verdict.text,
         "reasons": list(design.refusals),
-        "notes": notes(design, details),
+        "notes": first.notes,
         "pendulum": pendulum,
         "hinge_damping_N_m_s_per_rad": None if pendulum is None else float(pendulum.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in _DESIGN},
@@ -67,18 +69,14 @@ def as_json(
         "trials": design.trials,
         "search": design.search,
         "reading": {
-            "records": [
-                {"group": name, **f}
-                for name, motions in words.groups(design).items()
-                for f in summary(motions)["records"]
-            ],
+            "records": [{"group": name, **facts} for name, facts in words.records(design)],
             "notes": list(record_notes),
         },
     }
-    return files.as_json(plain(entries))
+    return files.as_json(json_of(entries))
 
 
-def plain(x: Any) -> Any:
+def json_of(x: Any) -> Any:
     """Convert results to dictionaries, lists, numbers and strings, as JSON needs them."""
     match x:
         case enum.Enum():
@@ -87,14 +85,14 @@ def plain(x: Any) -> Any:
             return x.tolist()
         # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
-            return plain(x.summary())
+            return json_of(x.summary())
         case GaussianProcess():
             # The process follows from the trials, which are written as well.
             return None
         case Conditions():
-            return {"description": list(x.description), "factors": plain(dict(x.factors))}
+            return {"description": list(x.description), "factors": json_of(dict(x.factors))}
         case dict():
-            return {k: plain(v) for k, v in x.items()}
+            return {k: json_of(v) for k, v in x.items()}
     # An evaluation is a named tuple with derivatives that no reader of the file needs. It must be recognised
     # before the branches for tuples below.
     if hasattr(x, "merit_slope"):
@@ -104,8 +102,8 @@ def plain(x: Any) -> Any:
     if is_dataclass(x):
         # Readers of the file get the sentence of a reason and need not build it from the numbers.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
-        return {f.name: plain(getattr(x, f.name)) for f in fields(x)} | sentence
+        return {f.name: json_of(getattr(x, f.name)) for f in fields(x)} | sentence
     # Named tuples keep their field names, other tuples become lists.
     if hasattr(x, "_asdict"):
-        return plain(x._asdict())
-    return [plain(v) for v in x] if isinstance(x, (list, tuple)) else x
+        return json_of(x._asdict())
+    return [json_of(v) for v in x] if isinstance(x, (list, tuple)) else x

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from tpd.answers.response import Response, window
-from tpd.core.formatting import compared
+from tpd.core.formatting import compared, percent, with_and_without
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.limits import Clearance, Requirements, limit_of
 from tpd.report.blocks import Note, danger, note
-from tpd.report.words import finite_max, overturned_between, percent, reduced
+from tpd.report.words import exceeding, finite_max, overturned_between, reduced
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
 from tpd.theory.no_uplift import SLIDES
@@ -62,8 +62,7 @@ def _runs(design: Design) -> Iterator[Note]:
         # that the reader learns of frequent wall contact even if the job allows it.
         usual = replace(design.problem, requirements=Requirements()).allowed
         if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > usual:
-            share = percent(best.over_limit, 1)
-            yield danger(f"A limit is exceeded in {share} of the runs in which the block stands.")
+            yield danger(f"{exceeding(best.over_limit, design.problem.allowed)}.")
         required = design.problem.requirements.at_least
         if best.quoted and best.decided and runs.reduction(best.measure)[0].mean < required:
             # Runs that took no part in the decision, and estimates that allow for it, can miss the
@@ -80,8 +79,7 @@ def _runs(design: Design) -> Iterator[Note]:
         if not overturned.high < 0.0:
             yield note(
                 "The pendulum reduces the tilt, but the share of runs that overturn does not fall "
-                f"significantly: {percent(overturned.with_pendulum, 1)} with the pendulum, "
-                f"{percent(overturned.without_pendulum, 1)} without it."
+                f"significantly: {with_and_without(overturned.with_pendulum, overturned.without_pendulum)}."
             )
     if runs.undecided:
         yield note(

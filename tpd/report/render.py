@@ -32,11 +32,12 @@ _KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif", b"<?xml": "image/svg+xm
 
 def text(report: Report) -> str:
     """Return the report as plain text without pictures. The first line is the verdict."""
-    lines = [*_lines(report.verdict), *(line for n in report.dangers for line in _lines(n)), ""]
-    for name, sentence in report.answer.cells:
+    first = report.summary
+    lines = [*(line for n in (first.verdict, *first.dangers) for line in _lines(n)), ""]
+    for name, sentence in first.rows:
         lines += wrapped(sentence, f"{name:<13}", " " * 13)
-    if report.comparison is not None:
-        lines += ["", *_table(report.comparison)]
+    if first.comparison is not None:
+        lines += ["", *_table(first.comparison)]
     # A section of pictures only has no text and is left out.
     for section in report.sections:
         body = [line for block in section.blocks for line in _lines(block)]

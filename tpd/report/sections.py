@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, label_of_ramp
-from tpd.core.formatting import number
+from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.design.sizes import MOTION_KINDS
 from tpd.limits import LABELS
-from tpd.records.read import facts, same_earthquakes
+from tpd.records.read import same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.scene.record import Record
 
 _ROWS, _MOST = 40, 8
 """Largest number of conditions in a table, chosen evenly from all; largest number of rows on limits."""
 
 
 def sections(
-    design: Design, details: Details, figures: Mapping[str, Sequence[Block]], record_notes: Sequence[str]
+    design: Design, details: Details, picture: Callable[[str], Sequence[Block]], record_notes: Sequence[str]
 ) -> dict[str, list[Block]]:
     """Return the blocks of each section by its title, in the order of the report.
 
@@ -35,18 +34,18 @@ def sections(
     Args:
         design: the answer of `optimise`.
         details: further results that the report shows, from `tpd.details`.
-        figures: lists with the picture of each name, or empty lists.
+        picture: function that returns a list with the figure of a file, or an empty list.
         record_notes: notes of the reader on the files of the records.
     """
     runs = over_runs(design)
     return {
-        "Validation runs": [*figures["benefit"], *runs] if runs else [],
+        "Validation runs": [*picture("benefit.svg"), *runs] if runs else [],
         "Other energy losses": other_losses(details),
         "What limits the design": limiting(design),
-        "Nearby frequencies": [*figures["response"]],
-        "Motion from rest": [*figures["motion"]],
-        "Settled motion": settled(design, figures["conditions"]),
-        "Search": searched(design, figures["search"]),
+        "Nearby frequencies": [*picture("response.svg")],
+        "Motion from rest": [*picture("motion.svg")],
+        "Settled motion": settled(design, picture("conditions.svg")),
+        "Search": searched(design, picture("search.png")),
         "Rejected designs": rejected(design),
         "Records": records(design, record_notes),
     }
@@ -60,7 +59,7 @@ def over_runs(design: Design) -> list[Block]:
     cases = runs.with_pendulum, runs.without_pendulum
     rows: list[tuple[Cell, ...]] = []
     worst = runs.change("worst severity")
-    shares = (words.percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
+    shares = (percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
     rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
     # Ground motions have no ramp: they grow as recorded.
     if runs.cluster is None:
@@ -114,7 +113,7 @@ def _by_part(runs: PairedRuns) -> list[Block]:
     # A table of more than 32 conditions is too long. The kinds of start, which come last, always remain.
     parts = runs.parts if len(runs.labels) <= 32 else runs.parts[len(runs.labels) :]
     rows = tuple(
-        (p.label, *map(words.percent, (p.with_pendulum, p.without_pendulum)), "yes" if p.is_worse else "no")
+        (p.label, *map(percent, (p.with_pendulum, p.without_pendulum)), "yes" if p.is_worse else "no")
         for p in parts
         if not math.isnan(p.with_pendulum)
     )
@@ -123,7 +122,7 @@ def _by_part(runs: PairedRuns) -> list[Block]:
         return []
     caption = (
         "Mean tilt of the same runs in per cent of ν. Significantly worse: higher with the pendulum by more "
-        f"than {words.percent(runs.worse)}, at the 5 % significance level."
+        f"than {percent(runs.worse)}, at the 5 % significance level."
     )
     head = "condition or kind of start", "with pendulum", "without pendulum", "significantly worse"
     return [Table(head, rows, caption)]
@@ -136,9 +135,7 @@ def other_losses(details: Details) -> list[Block]:
     rows: list[tuple[Cell, ...]] = []
     for case in details.losses:
         changes = (case.runs.change(name) for name in ("overturned", "at rest"))
-        shares = (
-            f"{words.percent(c.with_pendulum, 1)} / {words.percent(c.without_pendulum, 1)}" for c in changes
-        )
+        shares = (f"{percent(c.with_pendulum, 1)} / {percent(c.without_pendulum, 1)}" for c in changes)
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
         rows.append((words.energy_loss(case.name), losses, case.runs.benefit_in_words, *shares))
     head = (
@@ -180,9 +177,9 @@ def limiting(design: Design) -> list[Block]:
         gain = "No design that exceeds only one limit is better."
     caption = (
         "First row: the best design of the trial runs, with its mean tilt smoothed over all designs (trend). "
-        f"{gain} Without a pendulum the mean tilt is {words.percent(trials.without_pendulum, 1)}."
+        f"{gain} Without a pendulum the mean tilt is {percent(trials.without_pendulum, 1)}."
     )
-    usage = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
+    usage = ", ".join(f"{LABELS.get(n, n)} {percent(x)}" for n, x in words.usage(design).items())
     which = "recommended pendulum" if design.pendulum else "nearest design"
     if usage:
         text += f" Share of each limit that the {which} uses in {words.kept(design)}: {usage}."
@@ -195,7 +192,7 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
     assert trials is not None
     if i is None:
         return (name, *(None,) * 3, "no design")
-    pendulum, tilt = design.problem.pendulum(trials.designs[i]), words.percent(trials.trend[i], 1)
+    pendulum, tilt = design.problem.pendulum(trials.designs[i]), percent(trials.trend[i], 1)
     return (name, float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio), tilt)
 
 
@@ -250,8 +247,7 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if trials is None:
         return []
     text = f"Trial runs of the linear equations evaluated {len(trials.designs)} designs."
-    if unanswered := int(trials.undecided.sum()):
-        text += f" {unanswered} runs without an answer are left out."
+    text += unanswered(int(trials.undecided.sum()))
     if search is not None:
         # Descents with the same outcome are counted.
         ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
@@ -284,17 +280,14 @@ def rejected(design: Design) -> list[Block]:
 def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
     """Return a table of the records in each group of motions, and the notes on their files."""
     rows: list[tuple[Cell, ...]] = []
-    groups = words.groups(design)
-    for name, motions in groups.items():
-        for f in (facts(m) for m in motions if isinstance(m, Record)):
-            sizes = f["samples"], f["step_s"], f["duration_s"], f["pga_g"]
-            remarks = "; ".join(f["notes"]) or None
-            rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, remarks))
+    for name, f in words.records(design):
+        sizes = f["samples"], f["step_s"], f["duration_s"], f["pga_g"]
+        rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, "; ".join(f["notes"]) or None))
     head = ("group", "file", "earthquake", "samples", "time step (s)", "duration (s)", "PGA (g)", "notes")
     caption = "PGA: largest acceleration in the file, before scaling."
     table = [Table(head, tuple(rows), caption)] if rows else []
     # The same earthquake can have different names in two files. Such records are listed, so that the user can
     # check them.
-    every = [m for motions in groups.values() for m in motions]
+    every = [m for motions in words.groups(design).values() for m in motions]
     listed = dict.fromkeys([*record_notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import number, percent
+from tpd.core.formatting import compared, ends, number, percent, unanswered, with_and_without
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, limit_of
-from tpd.records.read import in_words
+from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.quantities import UNITS
+from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 
 if TYPE_CHECKING:
@@ -47,6 +48,12 @@ def angle(x: float) -> str:
 def kept(design: Design) -> str:
     """Return words for the share of the validation runs that must keep all limits."""
     return f"{percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
+
+
+def exceeding(share: float, allowed: float) -> str:
+    """Return a clause with the share of the runs that exceed a limit, beside the share that is allowed."""
+    exceeds, most = compared(share, allowed, 1, percent)
+    return f"{exceeds} of the runs in which the block stands exceed a limit (at most {most} allowed)"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -123,10 +130,8 @@ def range_of_mass(design: Design) -> str:
 
 def group(part: Part) -> str:
     """Return a line for the terminal with the mean tilts of one group of ground motions."""
-    return (
-        f"  {part.label} ({part.rows.sum()} runs): mean tilt {percent(part.with_pendulum, 1)} of ν with the "
-        f"pendulum, {percent(part.without_pendulum, 1)} without it"
-    )
+    tilts = with_and_without(part.with_pendulum, part.without_pendulum)
+    return f"  {part.label} ({part.rows.sum()} runs): mean tilt, as a share of ν, {tilts}"
 
 
 def usage(design: Design) -> dict[str, float]:
@@ -139,6 +144,12 @@ def usage(design: Design) -> dict[str, float]:
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
     """Return the ground motions by the names of their groups; empty under harmonic excitation."""
     return {g.name: g.motions for g in design.problem.groups}
+
+
+def records(design: Design) -> list[tuple[str, dict[str, Any]]]:
+    """Return the facts of all records, each with the name of its group of ground motions."""
+    by_group = ((name, m) for name, motions in groups(design).items() for m in motions)
+    return [(name, facts(m)) for name, m in by_group if isinstance(m, Record)]
 
 
 def overturned_between(responses: Sequence[Response], low: float, high: float) -> str:
@@ -190,8 +201,8 @@ def reduced(runs: PairedRuns, measure: str) -> str:
         # The estimate given the decision can be negative for runs that passed by a small margin.
         alone = runs.unconditional.reduction(measure)[0].mean
         change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
-        between = f"between {percent(size.low)[:-2]} and {percent(size.high)} (95 % interval)"
-        return f"the {name} {change} in these runs{shares}{doubt}; its true reduction is {between}"
+        true = f"its true reduction is between {ends(size.low, size.high, word='and')} (95 % interval)"
+        return f"the {name} {change} in these runs{shares}{doubt}; {true}"
     return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
@@ -209,11 +220,10 @@ def comparison(runs: PairedRuns) -> Table:
             difference = f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
         rows.append((_CHANGES[c.name], *shares, difference))
-    unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
     caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
-    return Table(head, tuple(rows), caption + unanswered)
+    return Table(head, tuple(rows), caption + unanswered(runs.undecided))
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:

@@ -1,0 +1,202 @@
+"""Summary of a design as data: verdict, notes, rows, comparison, and commands for further questions."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tpd.answers.paired import PairedRuns
+from tpd.core.formatting import compared, number, percent
+from tpd.design.as_built import Build, Details
+from tpd.design.assess import alternatives, needless
+from tpd.design.design import Design
+from tpd.design.problem import Problem
+from tpd.design.reasons import DesignStatus
+from tpd.limits import LABELS, Clearance, limit_of
+from tpd.report import words
+from tpd.report.blocks import Note, Summary, danger, note
+from tpd.report.notes import notes
+from tpd.theory.no_uplift import SLIDES
+
+_USED = 0.95
+"""Share of a limit that a design must use for the limit to be called active."""
+_REASONED = DesignStatus.not_recommended, DesignStatus.none_feasible, DesignStatus.undecided
+"""Statuses for which the first reason is more informative than the sentence of the status."""
+
+
+def summary(design: Design, details: Details, directory: Path | None = None, name: str = "") -> Summary:
+    """Return the summary of a design.
+
+    Args:
+        design: the answer of `optimise`.
+        details: the answer of `tpd.details`. Rows whose results it does not have are left out.
+        directory: folder of the report, for the commands.
+        name: name of the project; empty for no row with it.
+    """
+    project = [("project", name)] if name else []
+    return Summary(
+        verdict=verdict(design, details),
+        notes=notes(design, details),
+        rows=(*project, *_rows(design, details)),
+        comparison=None if design.runs is None else words.comparison(design.runs),
+        commands=() if directory is None else tuple(_commands(design, directory)),
+    )
+
+
+def verdict(design: Design, details: Details | None = None) -> Note:
+    """Return the verdict: recommended with its benefit, or the reason why not.
+
+    The verdict is a danger if the pendulum that comes nearest makes the block overturn more often, or if its
+    bob touches a wall.
+    """
+    runs, best = design.runs, design.best
+    if design.status is DesignStatus.recommended and runs is not None and best is not None:
+        head, caution = "RECOMMENDED for the stated conditions", ""
+        if missing := words.missing(design):
+            head = f"NOT TO BE BUILT AS IT IS, because the search {' and '.join(missing)}"
+        losses = () if details is None else details.losses
+        # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
+        if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
+            cases = " or ".join(words.energy_loss(case.name) for case in against)
+            caution = (
+                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
+            )
+        result = words.reduction(runs, best.measure)
+        return note(f"{head}: {result}.{caution} This is not a safety assessment.")
+    # A block that does not rock needs its margin and not the number of rejected designs.
+    if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
+        return note(needless(design.problem))
+    kind = danger if design.pendulum is None and design.is_harmful else note
+    return kind(headline(design.status, design.refusals))
+
+
+def other_reasons(status: DesignStatus, reasons: Sequence[str]) -> Sequence[str]:
+    """Return the reasons that `headline` does not contain."""
+    return reasons[status in _REASONED :]
+
+
+def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
+    """Return the sentence of a status, with the first reason if that is more informative."""
+    if status in _REASONED and reasons:
+        return f"{status.value.partition(':')[0]}: {reasons[0]}."
+    return status.value
+
+
+def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
+    """Yield rows, each a name and a sentence, block and motion first."""
+    yield "block", words.block_of(design.scene)
+    yield "motion", words.excitation(design)
+    yield "lifts", design.problem.at_rest.lifting_in_words
+    yield "slides", design.problem.at_rest.sliding_in_words
+    # Without further conditions the design is for the motion of the scene only.
+    yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
+    yield from _pendulum(design, details)
+    if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
+        yield _clearance(design, design.best.over_limit, details.build)
+    yield from (("reason", text) for text in other_reasons(design.status, design.refusals))
+    if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
+        if design.remedy:
+            yield "inputs", design.remedy
+        yield "alternative", str(alternatives(design.problem))
+    if design.pendulum is not None:
+        yield "limits", active_limits(design, details)
+    if design.runs is not None:
+        yield from (("level", text) for text in at_levels(design.problem, design.runs))
+    # A base that slides is one of the dangers, which come first.
+    if design.sliding and not design.sliding.startswith(SLIDES):
+        yield "sliding", design.sliding
+    if details.losses:
+        cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
+        # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
+        # stated losses is repeated here from linear runs.
+        stated = [f"as stated {percent(m.low.mean)}" for m in details.sensitivity if not m.name]
+        count, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
+        by = f"{count} linear runs each, for comparison only"
+        yield "losses", f"reduction of the mean tilt for other losses ({by}): {listed}"
+    # The first response is without the pendulum, and the second one, with it, exists only if
+    # there is a pendulum.
+    if len(details.responses) > 1:
+        ends = details.responses[0].frequency[[0, -1]]
+        yield "nearby", words.overturned_between(details.responses, *ends)
+
+
+def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
+    """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
+    overturn with and without the pendulum, with intervals over earthquakes."""
+    counted = True if runs.counted is None else runs.counted
+    for name, rows in problem.levels.items():
+        pendulum, without = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
+        count, share = pendulum.tilt.size, f"{pendulum.share_overturned} overturn with the pendulum"
+        yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
+
+
+def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
+    """Yield the rows on the pendulum as it is built, or one row on the design that came nearest."""
+    build, pendulum = details.build, design.pendulum
+    if pendulum is None:
+        if design.nearest is not None:
+            near = design.problem.pendulum(design.nearest)
+            zeta = f"damping ratio {float(near.damping_ratio):.2g}"
+            yield "nearest", f"equivalent point mass {words.point(near, 3, 3)}, {zeta}: not recommended"
+        return
+    # If masses in a wide range perform equally well, a third digit would suggest a false precision.
+    alike = words.range_of_mass(design)
+    yield "pendulum", f"equivalent point mass {words.point(pendulum, 2 if alike else 3, 3)}{alike}"
+    # A bob of low density can be too large for its rod: then no body is equivalent to the point mass.
+    if build is None or not math.isfinite(build.mass):
+        yield "bob", "no body with this shape and density is equivalent to the point mass"
+        return
+    size = f"{build.bob}, {number(build.bob_width, 3)} m wide"
+    dead = f"{number(build.dead, 2)} kg of its mass only add weight at the top"
+    yield "bob", f"{number(build.mass, 3)} kg as built: {size}; {dead}"
+    yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre, as built"
+    zeta = number(float(pendulum.damping_ratio), 3)
+    yield "damper", f"{number(build.damping, 3)} N m s/rad at the hinge (damping ratio {zeta})"
+    period = number(1.0 / build.frequency, 3)
+    yield "frequency", f"{number(build.frequency, 3)} Hz (period {period} s), undamped, block at rest"
+
+
+def _clearance(design: Design, over_limit: float, build: Build | None) -> tuple[str, str]:
+    """Return a row on how often the runs exceed a limit, and how near to the wall the bob comes."""
+    allowed = design.problem.allowed
+    text = words.exceeding(over_limit, allowed)
+    # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.
+    if limit_of(design.problem.limits, Clearance) is None:
+        return "runs", text
+    if build is not None and not math.isnan(build.reach):
+        within, wall = compared(build.reach, build.wall, 3)
+        reach = f"the bob stays within {within} m of the block's axis"
+        text += f"; in {percent(1.0 - allowed)} of these runs {reach}; the wall is at {wall} m"
+    return "clearance", text
+
+
+def active_limits(design: Design, details: Details) -> str:
+    """List the active limits, and the bounds of the search that the design lies on."""
+    shares, build = words.usage(design), details.build
+    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in shares:
+        # The distance in the validation runs is more informative than the ratio at nominal values.
+        shares["clearance"] = build.reach / build.wall
+    active = [f"{LABELS.get(n, n)}, {percent(x)} used" for n, x in shares.items() if x >= _USED]
+    listed = "; ".join([*active, *design.at_bounds])
+    return f"active: {listed}" if listed else "no limit is active"
+
+
+def _commands(design: Design, directory: Path) -> Iterator[tuple[str, str]]:
+    """Yield rows on questions that the search did not answer, with commands, and on the files."""
+    at = shlex.quote(str(directory))
+    # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
+    # only.
+    if design.problem.settles and design.pendulum is not None:
+        records = f"earthquakes (run `tpd fragility {at} --records el-centro loma-prieta`)"
+        yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
+    yield "report", f"{directory / 'report.html'}"
+    yield "repeat", repeat(directory)
+
+
+def repeat(directory: Path) -> str:
+    """Return the command that repeats the search of the report in a folder."""
+    # The quotes allow blanks in the name of the folder.
+    scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
+    return f"tpd optimise --scene {scene} --out {to}"
