@@ -126,7 +126,7 @@ job block.restitution = true | `block.restitution` must be a number or a text, b
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a number or a pair of numbers, but is [0.1, T
-job search.budget = 8 | there is no key `budget` in [search]; allowed are model, optimiser
+job search.budget = 8 | there is no key `budget` in [search]; allowed are optimiser, model
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
