@@ -5,6 +5,7 @@ import ast
 import pytest
 
 from tests.benchmarks.guards import GUARDS, ROOT
+from tests.benchmarks.mutations import EQUIVALENT, places
 from tests.benchmarks.removals import mutated, never, without_term
 
 
@@ -29,3 +30,18 @@ def test_a_guard_that_is_gone_is_an_error():
         mutated(source, "f", never("failed"))
     with pytest.raises(ValueError, match="no function"):
         mutated(source, "g", never("failed"))
+
+
+def test_a_mutation_changes_one_expression_and_no_number_of_a_line():
+    module = "theory/no_uplift"
+    before = places(module)[0].path.read_bytes()
+    changed = {place.text() for place in places(module)}
+    assert len(changed) == len(places(module)) > 50
+    for text in changed:
+        assert text.count(b"\n") == before.count(b"\n")
+        assert ast.dump(ast.parse(text)) != ast.dump(ast.parse(before))
+
+
+def test_every_mutation_without_effect_is_at_a_place_that_exists():
+    for module, line, change in EQUIVALENT:
+        assert any((place.line, place.change) == (line, change) for place in places(module)), change
