@@ -13,7 +13,6 @@ from tpd.answers.run_table import ANGLES, Runs
 from tpd.core.progress import unreported
 from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem
-from tpd.design.reasons import Reason, ReasonKind
 from tpd.scene.conditions import Conditions
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.status import index_of
@@ -25,7 +24,6 @@ NU = float(SCENE.block.slenderness)
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
 RATIOS = (0.1, 0.6, 0.1)
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
-REASON = Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=1.2)
 BLOCK = tpd.Block(width=0.9, height=5.4, mass=4000.0, restitution=0.93, cavity_width=0.7)
 """A block for ground motions: walls of 0.1 m and 2300 kg/m^3."""
 SMALL = {

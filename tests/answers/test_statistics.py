@@ -175,6 +175,12 @@ def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
     found = fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), hits)
     assert found.interval() == (0.0, math.inf)
     assert np.isnan(found.covariance).all()
+    assert found.covariance.shape == (2, 2)
+    # Three earthquakes show a spread, and two do not.
+    differ = np.array([[0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 1.0, 0.0, 1.0]])
+    ends = [fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), differ[i:]).interval() for i in (0, 1)]
+    assert 0.0 < ends[0][0] < ends[0][1] < math.inf
+    assert ends[1] == (0.0, math.inf)
     # One earthquake that ends otherwise shows a spread.
     low, high = fit_lognormal(
         np.array([0.5, 1.0, 2.0, 4.0]), np.vstack([hits, [0.0, 0.0, 0.0, 1.0]])

@@ -9,7 +9,7 @@ import pytest
 
 import tpd
 from tpd import Conditions, Parameters, paper_scene
-from tpd.scene.conditions import FACTORS, under, under_all
+from tpd.scene.conditions import FACTORS, check_restitution, under, under_all
 
 SCENE = paper_scene()
 
@@ -170,6 +170,7 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
         f"3 ground motions, each at 1, 2 ({unit}) with scatter of slenderness, damping (seed 4)",
     )
     assert tpd.Conditions.records(records[:1]).description == (f"1 ground motion at 1 ({unit})",)
+    assert tpd.Conditions.records(records[:1], 2.0).column("amplitude").tolist() == [2.0]
     both = tpd.Conditions.records(records[:2], (1.0,)) * tpd.Conditions.amplitudes(1.0, 1.5)
     assert both.column("amplitude").tolist() == [1.0, 1.5] * 2
     assert np.asarray(both.which).tolist() == [0, 0, 1, 1]
@@ -182,6 +183,22 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
     train = tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)]).motions[0]
     assert float(train.pga) == pytest.approx(0.01 * (2.0 * np.pi) ** 2)
     assert float(train.duration) == pytest.approx(40.0)
+
+
+def test_a_subset_has_the_extreme_conditions():
+    band = Conditions.band(SCENE, 1.0, 4.0, 40)
+    for seed in range(5):
+        frequencies = band.subset(4, seed).column("frequency")
+        assert {frequencies.min(), frequencies.max()} == {*band.column("frequency")[[0, -1]]}
+
+
+@pytest.mark.parametrize(
+    ("own", "words"), [("housner", "'housner', which follows"), (1.0, "1, which is no loss")]
+)
+def test_only_a_restitution_that_is_a_number_below_one_can_vary(own, words):
+    scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=own))
+    with pytest.raises(ValueError, match=f"`restitution` can vary only if .*, but it is {words}"):
+        check_restitution(scene)
 
 
 def test_a_motion_keeps_its_samples_in_every_order():

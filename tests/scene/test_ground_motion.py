@@ -53,6 +53,11 @@ def test_a_pulse_is_its_formula(kind):
     np.testing.assert_array_equal(pulse.acceleration_at([-0.01, periods / F + 0.01]), 0.0)
 
 
+def test_pulses_have_a_fixed_number_of_pieces():
+    numbers = [len(np.asarray(pulse.pieces())) for pulse, _, _ in PULSES.values()]
+    assert numbers == [256, 256, 3 * 128, 1024, 1024]
+
+
 def test_scales_and_derivatives():
     pulse = PULSES["mavroeidis-papageorgiou"][0]
     assert pulse.scaled(2.0).pga == pytest.approx(2.0 * pulse.pga, rel=1e-14)

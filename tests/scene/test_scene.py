@@ -111,6 +111,32 @@ def test_a_block_has_the_cavity_that_is_stated_and_no_other():
         Block(**BLOCK, cavity_width=0.099)
 
 
+def test_a_radius_of_gyration_is_at_most_half_the_diagonal():
+    assert Block(**BLOCK, radius_of_gyration=0.2061).radius_of_gyration == 0.2061
+    with pytest.raises(
+        ValueError, match=r"must be at most 0\.2061\d*, half the diagonal of the block, but is 0.207"
+    ):
+        Block(**BLOCK, radius_of_gyration=0.207)
+
+
+def test_a_wide_block_is_refused_with_a_hint_if_it_is_wider_than_high():
+    for width, has_hint in ((0.3, False), (0.5, True)):
+        with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`") as refused:
+            Block(width=width, height=0.4, mass=16.0 * width / 0.1)
+        assert ("are width and height exchanged?" in str(refused.value)) is has_hint
+
+
+def test_many_frictions_of_the_base_are_allowed_up_to_a_plausible_one():
+    assert Block(**BLOCK, base_friction=np.array([0.3, 0.6])).base_friction.tolist() == [0.3, 0.6]
+    with pytest.raises(ValueError, match=r"`base_friction` must be between 0 and 2, but is 2\.5"):
+        Block(**BLOCK, base_friction=2.5)
+
+
+def test_the_damping_of_the_hinge_is_that_of_a_pendulum_on_a_fixed_point():
+    # 2 zeta m l^2 sqrt(g/l)
+    assert WITH.hinge_damping(9.7) == pytest.approx(2 * 0.2 * 1.2 * 0.05**2 * np.sqrt(9.7 / 0.05), rel=1e-14)
+
+
 def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
     block = Block(**BLOCK, restitution="housner")
     alpha = np.arctan(0.1 / 0.4)
