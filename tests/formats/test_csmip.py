@@ -44,6 +44,20 @@ def test_words_of_a_real_file():
     )
 
 
+def test_length_and_unit_of_the_second_channel_must_agree_with_its_samples(tmp_path):
+    text = csmip_v1(0.3 * shaking(100), 0.01)
+    path = tmp_path / "a.V1"
+    for old, new, message in (
+        ("Record Length =  1.000 sec", "Record Length =  1.030 sec", "the length in s twice and differently"),
+        ("sec and g .", "sec and min .", "line {} must state a unit of acceleration"),
+    ):
+        before, _, after = text.rpartition(old)
+        path.write_text(f"{before}{new}{after}")
+        line = before.count("\n") + 1
+        with pytest.raises(UnreadableRecord, match=message.format(line)):
+            Record.read_all(path)
+
+
 def test_the_whole_line_of_the_unit_counts(tmp_path):
     path = tmp_path / "a.V2"
     for text, old, new in (

@@ -20,4 +20,15 @@ def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
     line = before.count("\n") + 1
     with pytest.raises(UnreadableRecord, match=f"line {line} must state a unit of acceleration"):
         read(tmp_path, f"{before}{second.replace('mm/s/s', 'mm/min')}{after}", channel=0)
-    assert read(tmp_path, text, channel=0).dt == 0.01
+    record = read(tmp_path, text, channel=0)
+    assert (record.dt, record.name) == (0.01, "MADE/N10E")
+
+
+def test_an_uncorrected_file_states_the_unit_of_its_samples(tmp_path):
+    text = geonet(3000.0 * shaking(100), 0.01, corrected=False)
+    before, unit, after = text.rpartition("1.00 mm/s/s")
+    line = before.count("\n") + 1
+    with pytest.raises(UnreadableRecord, match=f"line {line} must state a unit of acceleration"):
+        read(tmp_path, f"{before}1.00 mm/min{after}", channel=0)
+    with pytest.raises(UnreadableRecord, match=r"states the unit in m/s\^2 twice and differently"):
+        read(tmp_path, f"{before}1.00 cm/s/s{after}", channel=0)

@@ -231,6 +231,7 @@ def test_a_message_names_the_channel_that_it_is_about(tmp_path):
         ({"sac": {"idep": 50}}, "its header states volts"),
         ({"sac": {"idep": 8, "iftype": 3}}, "its header states spectrum"),
         ({"segy": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=6)}}, "velocity"),
+        ({"su": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=5)}}, "displacement"),
         ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
     ],
 )

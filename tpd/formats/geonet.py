@@ -41,7 +41,7 @@ def read_geonet(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged or contradicts itself.
     """
     channels = []
-    while cursor.at == 0 or not cursor.only_blank_lines_follow():
+    while not cursor.only_blank_lines_follow():
         channels.append(_block(cursor, unit))
     cursor.require_end()
     return channels
