@@ -1,10 +1,12 @@
 """Motions that many starts of one design reach."""
 
+import numpy as np
 import pytest
 
 from tests.reference import WITHOUT, parameters
 from tests.reference import exact as solve
 from tpd import Starts, attractors
+from tpd.answers.attractors import _agree
 from tpd.models.piecewise import Piecewise
 
 BARE_BLOCK = parameters(WITHOUT[1].x)
@@ -65,3 +67,16 @@ def test_chaos_is_distinguished_from_slow_decay():
     assert float(first.steady.lyapunov) > 0.1
     assert "aperiodic" not in {a.status for a in slow}
     assert "not_settled" in {a.status for a in slow}
+
+
+@pytest.mark.parametrize(
+    ("other", "felt", "agrees"),
+    [
+        ((0.1, 0.5), True, True),
+        ((0.1, 0.2), True, False),
+        ((0.1, 0.2), False, True),
+        ((0.2, 0.5), True, False),
+    ],
+)
+def test_two_motions_agree_in_the_tilt_and_in_a_swing_that_the_block_feels(other, felt, agrees):
+    assert _agree(np.array([0.1, 0.5]), np.array(other), 1e-3, felt) is agrees

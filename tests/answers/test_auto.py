@@ -2,6 +2,7 @@
 
 import functools
 import re
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import pytest
 from tests.reference import STILL, WITH, parameters
 from tests.reference import exact as linear
 from tpd import Auto, Parameters, status_name, steady_state
+from tpd.answers.auto import estimated_error
 from tpd.theory import uplift
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
@@ -99,6 +101,17 @@ def test_the_nonlinear_equations_decide_which_motion_a_start_reaches():
     assert near.model == "exact"
     assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
     assert float(near.estimate) < 0.05
+
+
+def test_a_bob_without_mass_adds_no_error():
+    p = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.3, xi=3.0, e=0.9)
+    slope = SimpleNamespace(nu=1.0, f=1.0, lam=1.0, mu=1.0, e=1.0)
+    still, swings = (float(estimated_error(p, 0.1, psi, slope)) for psi in (0.0, 0.5))
+    assert 0.0 < still == swings < np.inf
+
+
+def test_the_default_tolerance_is_five_per_cent():
+    assert Auto().tolerance == 0.05
 
 
 def test_auto_needs_numbers():
