@@ -50,6 +50,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "scale = math.sqrt(float(np.average((x - middle) ** 2, weights=n)))",
         "x - middle -> x + middle",
     ): "the scale only conditions the search for the maximum",
+    (
+        "answers/bifurcations",
+        "if abs(more) == change and (change or below.margin * above.margin < 0):",
+        "below.margin * above.margin -> below.margin / above.margin",
+    ): "the sign of a product is that of the quotient",
+    (
+        "answers/bifurcations",
+        "at = vanishing(np.append(u, [1.0] * (3 - m)), x)",
+        "3 - m -> 3 + m",
+    ): "no entry beyond the third is read",
 }
 """Changes that change no result, by module, line and text of the change, with the reason."""
 SWAPPED: dict[type, type] = {

@@ -26,7 +26,7 @@ def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
 
 def test_an_uncorrected_file_states_the_unit_of_its_samples(tmp_path):
     text = geonet(3000.0 * shaking(100), 0.01, corrected=False)
-    before, unit, after = text.rpartition("1.00 mm/s/s")
+    before, _, after = text.rpartition("1.00 mm/s/s")
     line = before.count("\n") + 1
     with pytest.raises(UnreadableRecord, match=f"line {line} must state a unit of acceleration"):
         read(tmp_path, f"{before}1.00 mm/min{after}", channel=0)
