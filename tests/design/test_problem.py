@@ -99,6 +99,7 @@ CASES = {
     },
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
+    "space in SI units": {"space": tpd.DesignSpace(mass=(0.5, 2.0), length=(0.05, 0.3))},
     "requirements": {
         "requirements": limits.Requirements(at_least=0.2, reduce="tilt", wall_contacts=0.05),
         "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
@@ -119,6 +120,7 @@ def test_the_job_of_a_design_describes_its_problem(asked):
     design = answer(scene=scene, **asked)
     job = design.job
     assert job_of(tomllib.loads(job.toml)) == job
+    assert job.space.table == design.space.table
     again = answer(scene=job.scene, **job.settings)
     for name in ("scene", "space", "starts", "risk", "limits", "requirements", "ensemble", "seed"):
         assert getattr(again, name) == getattr(design, name), name

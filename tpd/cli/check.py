@@ -21,7 +21,7 @@ from tpd.design.problem import Problem
 from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
-from tpd.limits import Mass, check_cavity, stroke_limit
+from tpd.limits import Mass, stroke_limit
 from tpd.report import answer, files, summary, words
 from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
@@ -47,7 +47,6 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         return _check_by_engine(job, pendulum, options)
     if options.runs is not None:
         raise ValueError("--runs has an effect only together with --engine")
-    check_cavity(job.block, job.limits)
     problem = _problem_of(job, options.seed)
     common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
     models = MODELS if options.full else QUICK

@@ -86,7 +86,8 @@ def check_inputs(options: argparse.Namespace) -> Case:
         _ = case.job.settled_scene(asker, again)
     # A job checks a part of its inputs when the property that needs them is read for the first time.
     _ = getattr(case.job, _REQUIRED.get(options.command, "scene"))
-    if options.command == "optimise":
+    if options.command in ("optimise", "check") and asker != "--engine":
+        # Problems check this as well, but only after JAX is imported.
         check_cavity(case.job.block, case.job.limits)
     # The commands without an activity write a single file, and check it themselves.
     if options.activity and (out := getattr(options, "out", None)) is not None:

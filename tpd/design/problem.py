@@ -24,7 +24,7 @@ from tpd.design.job import Job, job_of
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
-from tpd.design.space import DesignSpace
+from tpd.design.space import DesignSpace, check_fit
 from tpd.design.tables import TABLES
 from tpd.limits import (
     DEFAULT_LIMITS,
@@ -39,7 +39,7 @@ from tpd.limits import (
     check_limits,
     limit_of,
 )
-from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
@@ -140,7 +140,7 @@ class Problem(ABC):
             job = job_of({table: _plain(values) for table, values in tables.items()})
         except ValueError as error:
             raise ValueError(f"a job file cannot describe this problem: {error}") from None
-        for name in ("space", "risk", "limits", "method", "ensemble", "requirements", "seed"):
+        for name in ("risk", "limits", "method", "ensemble", "requirements", "seed"):
             # Models and optimisers have no equality of their own: compare what they print.
             if repr(getattr(job, name)) != repr(getattr(self, name)):
                 raise ValueError(f"a job file cannot describe the `{name}`, {getattr(self, name)}")
@@ -178,7 +178,7 @@ class Problem(ABC):
             "block": vars(scene.block),
             "site": {"gravity": scene.gravity},
             "bob": bob,
-            "space": vars(self.space),
+            "space": self.space.table,
             "limits": limits,
             "requirements": vars(self.requirements),
             "search": search
@@ -406,9 +406,7 @@ def complete(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) 
     seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
     checked |= {"seed": seed, "limits": limits}
     check_cavity(scene.block, checked["limits"])
-    if checked["ensemble"].restitution:
-        check_restitution(scene)
-    space = checked["space"].of(scene.block)
+    space = check_fit(scene, checked["space"], checked["ensemble"])
     return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
 
@@ -429,4 +427,4 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
             f"the limit `mass` must be above the smallest point mass of the design space, "
             f"{low * block.mass:g} kg, but is {limit.kg:g} kg"
         )
-    return space if low == high else replace(space, mass_ratio=(low, min(high, most)))
+    return space if low == high else space.with_ratios(mass_ratio=(low, min(high, most)))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from tpd.core import checks
 from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ensemble import Ensemble
 from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
 
 HEAVIEST_RATIO = 1.0
@@ -70,6 +72,9 @@ class DesignSpace:
     """Length of the equivalent point pendulum in m, in place of the length ratio: one fixed number, or two
     bounds (the rod of the body as built is shorter)."""
 
+    table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
+    """Bounds as they were stated, as in the table [space] of a job file."""
+
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
             in_si, as_ratio = getattr(self, name), getattr(self, ratio)
@@ -83,6 +88,7 @@ class DesignSpace:
             number = checks.within if name == "damping_ratio" else checks.positive
             check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
             checks.set_checked(self, check, name, *_RANGES[name])
+        self.table.update({name: getattr(self, name) for name in names})
         if not any(isinstance(getattr(self, name), tuple) for name in names):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
@@ -104,7 +110,13 @@ class DesignSpace:
                     checks.within(name, x, low * size, high * size, f" {unit} in this block")
                 # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
-        return replace(self, **out)
+        return self.with_ratios(**out)
+
+    def with_ratios(self, **bounds: Any) -> DesignSpace:
+        """Return the space with other bounds that follow from the stated ones, whose table it keeps."""
+        out = replace(self, **bounds)
+        object.__setattr__(out, "table", self.table)
+        return out
 
     @property
     def ends(self) -> np.ndarray:
@@ -171,6 +183,27 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
             raise ValueError(f"`{name}` cannot vary by a share of itself, because it is 0")
         if name == "restitution":
             check_restitution(scene)
+
+
+def check_fit(
+    scene: Scene,
+    space: DesignSpace,
+    ensemble: Ensemble,
+    naming: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+) -> DesignSpace:
+    """Return the space in ratios. Raise `ValueError` if space or ensemble does not fit the block.
+
+    Args:
+        scene: block at its site.
+        space: design space.
+        ensemble: validation runs.
+        naming: function that adds the name of a table of the job file to the messages; default no name.
+    """
+    with naming("ensemble"):
+        if ensemble.restitution:
+            check_restitution(scene)
+    with naming("space"):
+        return space.of(scene.block)
 
 
 def first_apart(
