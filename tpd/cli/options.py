@@ -140,8 +140,8 @@ class Option:
         if self.placeholders and counts != {1} and not self.one:
             count = max(counts) if min(counts) > 1 else "+"
         how: dict[str, Any] = {"nargs": count, "help": (self.help or text).replace("%", "%%")}
-        if self.placeholders:
-            how["metavar"] = self.placeholders if len(self.placeholders) > 1 else self.placeholders[0]
+        if words := self.placeholders:
+            how["metavar"] = words[0] if len(words) == 1 else words
         parser.add_argument(self.flag, action=_Set, option=self, **how)
 
     def values_of(self, values: Any) -> dict[str, Any]:
