@@ -1,5 +1,7 @@
 """A design by all models: the answer of each, and what the nonlinear equations object."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,15 @@ def test_a_violated_assumption_is_reported():
     assert found.models[0].status == "rocking"
     assert found.objections == ("by the nonlinear equations the motion ends overturned",)
     assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
+
+
+def test_the_model_of_one_harmonic_has_its_balance_or_no_orbit():
+    p = tpd.Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.4, xi=3.0)
+    for f in (0.4, 0.01):
+        found = check(dataclasses.replace(p, f=f), models=("one harmonic",)).models[0]
+        balance = tpd.theory.one_harmonic_branches(dataclasses.replace(p, f=f))
+        assert found.status == ("rocking" if balance.exists[0] else "no_orbit")
+        np.testing.assert_array_equal(found.amplitude, balance.amplitude[0] if balance.exists[0] else np.nan)
 
 
 def test_models_without_impact_loss_do_not_answer_for_a_block_with_impact_loss():

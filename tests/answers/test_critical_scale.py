@@ -45,6 +45,10 @@ def test_a_bob_in_resonance_throws_its_block_over_below_half_of_what_lifts_it(da
     assert not any(falls(scene, pendulum, x) for x in np.geomspace(0.3 * scale, 0.95 * scale, 25))
 
 
+def test_without_free_motion_a_block_overturns_at_a_larger_factor():
+    assert float(tpd.critical_scale(SINE, free=0.0).scale) >= CROSSING * (1.0 - 1e-9)
+
+
 def test_the_derivative_of_a_crossing_in_resonance_is_that_of_differences():
     scene, pendulum = resonant(0.02, 10)
 

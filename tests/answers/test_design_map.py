@@ -46,6 +46,15 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     return "not_known", math.nan, math.nan
 
 
+def test_columns_have_a_row_for_each_design():
+    found = over_motion()
+    columns = found.columns()
+    assert list(columns)[:4] == ["frequency", "amplitude", "status", "amplitude_rad"]
+    assert columns["frequency"][:6].tolist() == found.x.tolist()
+    assert columns["amplitude"].tolist() == np.repeat(found.y, 6).tolist()
+    np.testing.assert_array_equal(columns["amplitude_rad"], found.amplitude.ravel())
+
+
 def test_names_are_those_of_the_commands():
     x, y = [0.02, 0.1], [0.05, 0.1]
     for names, their in (

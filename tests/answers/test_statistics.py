@@ -213,6 +213,8 @@ def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():
     assert found.mean == pytest.approx((0.005 - 0.02) / 0.02)
     assert found.low < found.mean < found.high
     assert fall(np.zeros(3), np.zeros(3)).mean == 0.0
+    # Without any tilt to be counted in, the unit is the slenderness.
+    assert fall(np.full(3, 0.1), np.zeros(3)).mean == pytest.approx(-0.1)
     assert math.isnan(fall(np.zeros(0), np.zeros(0)).mean)
 
 

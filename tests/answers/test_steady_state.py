@@ -22,7 +22,7 @@ from tests.reference import (
 )
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.period_map import Orbit
-from tpd.answers.steady_state import _Answer, _compare, _status
+from tpd.answers.steady_state import _Answer, _compare, _status, sampled
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
 from tpd.compiled.simulate import Run
 from tpd.scene.status import index_of, names_of
@@ -102,6 +102,11 @@ def test_the_verdict_by_traced_rules_has_a_name_for_each_loss(what, status):
 def test_times_that_make_no_sense_are_refused(times, message):
     with pytest.raises(ValueError, match=message):
         simulate(parameters(X), np.zeros(4), np.array(times))
+
+
+def test_sampled_times_divide_the_first_periods():
+    p = Parameters(nu=0.2, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+    np.testing.assert_allclose(sampled(p, 2, 4), np.linspace(0.0, 2.0, 9) * p.period, rtol=1e-15)
 
 
 def test_a_start_of_another_shape_is_refused():
