@@ -112,3 +112,8 @@ def test_blocks_without_an_answer_are_drawn(monkeypatch):
     drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
     assert drawn["with pendulum: no answer"].get_xdata().tolist() == [4.0]
     assert "without pendulum: no answer" not in drawn
+
+
+def test_a_spectrum_without_free_motion_has_the_tilts_of_the_excitation_alone():
+    found = tpd.rocking_spectrum(COLUMN, STRONG, periods=PERIODS, free=0.0)
+    assert np.all(found.without_pendulum <= rocking().without_pendulum)

@@ -440,3 +440,12 @@ def test_bad_input_is_one_sentence():
         column(sine(1.0)).parameters()
     with pytest.raises(ValueError, match="`scan` must"):
         tpd.critical_scale(column(sine(1.0)), scan=0.0)
+
+
+def test_a_motion_prints_the_angles_of_a_bob_only_with_a_pendulum():
+    for pendulum, names in (
+        (None, ["tilt", "impacts"]),
+        (PENDULUM, ["tilt", "swing", "rod_angle", "impacts"]),
+    ):
+        _, *lines = str(tpd.transient(column(sine(1.5)), pendulum)).splitlines()
+        assert [line.split()[0] for line in lines][: len(names)] == names

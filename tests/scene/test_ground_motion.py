@@ -53,6 +53,11 @@ def test_a_pulse_is_its_formula(kind):
     np.testing.assert_array_equal(pulse.acceleration_at([-0.01, periods / F + 0.01]), 0.0)
 
 
+def test_the_smallest_phase_and_number_of_cycles_are_allowed():
+    assert Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=-6.28).phase == -6.28
+    assert Pulse.sine_train(acceleration=A, frequency=F, cycles=1).cycles == 1.0
+
+
 def test_pulses_have_a_fixed_number_of_pieces():
     numbers = [len(np.asarray(pulse.pieces())) for pulse, _, _ in PULSES.values()]
     assert numbers == [256, 256, 3 * 128, 1024, 1024]

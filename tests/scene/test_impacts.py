@@ -84,6 +84,19 @@ def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("psi", [-1.2, 0.0, 0.3, 2.0])
+def test_the_bob_along_its_rod_takes_part_in_an_impact(side, psi):
+    nu, mu, lam, rho, e, sine, cosine = 0.23, 0.17, 0.6, 0.68, 0.8, np.sin(psi), np.cos(psi)
+    after, before, share = 2 * sine - side * nu * cosine, 2 * sine + side * nu * cosine, mu * rho
+    kept = e * (1 + share * nu**2) + share * nu**2
+    law = e, nu, mu, lam, rho, side, sine, cosine
+    ratio = impacts.velocity_ratio(*law)
+    assert ratio == pytest.approx((kept + share * after * before) / (1 + share * after**2), rel=1e-13)
+    change = (2 * cosine * (ratio - 1) + side * nu * sine * (ratio + 1)) / lam
+    assert impacts.bob_change(ratio, *law) == pytest.approx(change, rel=1e-12)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("psi", [-1.2, 0.3, 2.0])
 def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side, psi):
     nu, mu, lam, rho, swing = 0.3, 0.4, 0.5, 0.7, 0.8
