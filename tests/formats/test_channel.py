@@ -149,3 +149,10 @@ def test_a_corrected_record_and_a_table_are_read_as_they_are(tmp_path):
         first = Record.read_all(path)[0]
         assert first == Record.read_all(path, baseline="none")[0]
         assert any(note.startswith("offset: the mean, ") for note in first.notes)
+
+
+def test_an_offset_of_more_than_half_a_per_cent_of_the_peak_is_noted():
+    wave = 10.0 * np.tile([1.0, -1.0, -1.0, 1.0], 50)
+    for offset, is_noted in ((0.04, False), (0.06, True)):
+        notes = channel.check_channel(Channel(wave + offset, 0.01)).notes
+        assert any(note.startswith("offset: the mean") for note in notes) is is_noted

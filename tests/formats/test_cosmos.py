@@ -7,6 +7,7 @@ import pytest
 from tests.formats.reader import DATA, FORM, check
 from tests.formats.synthetic import shaking
 from tpd import Record
+from tpd.formats.cosmos import is_cosmos
 from tpd.formats.text import UnreadableRecord
 
 
@@ -71,3 +72,11 @@ def test_the_whole_line_of_the_unit_counts(tmp_path):
         path.write_text(text.replace(old, new))
         with pytest.raises(UnreadableRecord):
             Record.read_all(path)
+
+
+def test_a_damaged_file_is_recognised_and_a_table_is_not():
+    lines = FORM["cosmos"].write(400.0 * shaking(100), 0.01).splitlines()
+    damaged = ["", *lines[1:]]
+    for other in (lines, damaged, [line.replace("Integer", "") for line in damaged]):
+        assert is_cosmos(other)
+    assert not is_cosmos(["time (s),acc (g)", "0,0"])

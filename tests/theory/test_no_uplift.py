@@ -67,6 +67,8 @@ def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
     assert (calm.needed_friction, calm.slides) == (pytest.approx(0.1), False)
     assert not AtRest.of(0.2, 0.05, 0.4).slides
     assert AtRest.of(0.2, 0.05, 0.0).margin == np.inf
+    assert "the strongest condition reaches" in found.lifting_in_words
+    assert "the excitation reaches" in AtRest(0.25, 0.1, None, 0.1).lifting_in_words
 
 
 def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
