@@ -60,6 +60,14 @@ def test_header_and_text_must_state_the_same_peak_and_time(tmp_path):
             Record.read_all(path)
 
 
+def test_the_peak_of_the_samples_must_be_that_of_the_text(tmp_path):
+    text = FORM["cosmos"].write(400.0 * shaking(100), 0.01)
+    path, peak = tmp_path / "a.V2c", re.search(r"Max = +(\S+)", text)[1]
+    path.write_text(text.replace(f"{peak} cm/sec2", f"{float(peak) + 1.0:.5f} cm/sec2"))
+    with pytest.raises(UnreadableRecord, match="line 11 states a peak of"):
+        Record.read_all(path)
+
+
 def test_the_whole_line_of_the_unit_counts(tmp_path):
     text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
     for old, new in (

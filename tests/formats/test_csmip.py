@@ -5,6 +5,7 @@ import pytest
 from tests.formats.reader import DATA, check
 from tests.formats.synthetic import G, csmip_v1, csmip_v2, shaking
 from tpd import Record
+from tpd.formats.csmip import is_csmip
 from tpd.formats.text import UnreadableRecord
 
 
@@ -70,3 +71,10 @@ def test_the_whole_line_of_the_unit_counts(tmp_path):
         path.write_text(text.replace(old, new))
         with pytest.raises(UnreadableRecord, match=r"line .* must state"):
             Record.read_all(path)
+
+
+def test_a_file_is_recognised_by_its_first_line_or_by_its_agency():
+    first, *others = csmip_v2(300.0 * shaking(100), 0.01).splitlines()
+    assert is_csmip([first])
+    assert is_csmip(["Accelerogram of the CSMIP", *others])
+    assert not is_csmip(["Accelerogram", "Somewhere"])

@@ -50,3 +50,14 @@ def test_spellings_of_the_manual(tmp_path):
     text = written(FORM["knet"]).text
     other = text.replace("Long. ", "Lon.  ").replace("Max. Acc.", "Max Acc.")
     assert read(tmp_path, other, "a.NS") == read(tmp_path, text, "a.NS")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("100Hz", "0Hz"), ("(gal)/6182761", "(gal)/0"), ("Duration Time(s)  1", "Duration Time(s)  1e7")],
+)
+def test_a_header_that_cannot_be_that_of_a_record_is_refused(tmp_path, old, new):
+    text = written(FORM["knet"]).text
+    assert old in text
+    with pytest.raises(UnreadableRecord, match="sampling frequency, duration and scale factor must be those"):
+        read(tmp_path, text.replace(old, new))

@@ -252,3 +252,10 @@ def test_a_message_on_the_current_folder_names_it():
         Record.read(".")
     with pytest.raises(ValueError, match=r"^`path` must name a file, but is ''$"):
         Record.read("")
+
+
+def test_the_angle_to_the_vertical_counts_if_the_name_of_a_component_does_not_show_it(monkeypatch):
+    for name, component in (("HNE", "HNE"), ("ACC", "ACC up")):
+        trace = Trace(np.array([0.0, 0.5]))
+        vars(trace.stats).update({"channel": name, "sac": {"idep": 8, "cmpinc": 0.0}})
+        assert read_as(monkeypatch, trace)[0].component == component
