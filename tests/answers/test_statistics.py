@@ -1,4 +1,4 @@
-"""Shares, means, paired tests and lognormal fits: against SciPy, closed forms and brute force."""
+"""Shares, means and paired tests: against SciPy, closed forms and brute force."""
 
 import itertools
 import math
@@ -6,8 +6,6 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.optimize import minimize_scalar
-from scipy.special import log_ndtr
 from scipy.stats import binomtest
 
 from tpd.answers.statistics import (
@@ -19,7 +17,6 @@ from tpd.answers.statistics import (
     conditional_interval,
     degrees_of_freedom,
     fall,
-    fit_lognormal,
     is_positive,
     mcnemar,
 )
@@ -170,24 +167,6 @@ def test_a_fall_of_runs_that_are_all_alike_has_a_width():
         assert found.high - found.low > 0.3
 
 
-def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
-    hits = np.tile([0.0, 1.0, 0.0, 1.0], (6, 1))
-    found = fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), hits)
-    assert found.interval() == (0.0, math.inf)
-    assert np.isnan(found.covariance).all()
-    assert found.covariance.shape == (2, 2)
-    # Three earthquakes show a spread, and two do not.
-    differ = np.array([[0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 1.0, 0.0, 1.0]])
-    ends = [fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), differ[i:]).interval() for i in (0, 1)]
-    assert 0.0 < ends[0][0] < ends[0][1] < math.inf
-    assert ends[1] == (0.0, math.inf)
-    # One earthquake that ends otherwise shows a spread.
-    low, high = fit_lognormal(
-        np.array([0.5, 1.0, 2.0, 4.0]), np.vstack([hits, [0.0, 0.0, 0.0, 1.0]])
-    ).interval()
-    assert 0.0 < low < high < math.inf
-
-
 def test_few_values_that_are_all_alike_are_no_significant_mean():
     assert not is_positive(np.ones(2))
     assert not is_positive(np.full(4, 0.1))
@@ -243,65 +222,6 @@ def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
         assert mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
 
 
-def outcomes(counts: list[int], motions: int) -> np.ndarray:
-    """Outcomes of motions of which so many reach the state at each stripe."""
-    return (np.arange(motions)[:, None] < np.array(counts)).astype(float)
-
-
-def likelihood(a, b, stripes: np.ndarray, hits: np.ndarray) -> np.ndarray:
-    """Logarithm of the likelihood of intercepts and slopes in the logarithm of the intensity."""
-    eta = np.asarray(a)[..., None] + np.asarray(b)[..., None] * np.log(stripes)
-    known = np.isfinite(hits)
-    counts, n = np.where(known, hits, 0.0).sum(axis=0), known.sum(axis=0)
-    return (counts * log_ndtr(eta) + (n - counts) * log_ndtr(-eta)).sum(axis=-1)
-
-
-def against(a, b, stripes: np.ndarray, hits: np.ndarray) -> float:
-    return -float(likelihood(a, b, stripes, hits))
-
-
-SEPARATED = [
-    # Shares, motions, and between which of the stripes 1, 2, 3 ... the share passes a half.
-    ([0, 2, 4], 4, (2.0, 2.0)),
-    ([0, 0, 0, 3], 20, (4.0, math.inf)),
-    ([0, 0, 1, 5], 5, (3.0, 4.0)),
-    ([7, 9, 9], 9, (0.0, 1.0)),
-    ([0, 0, 8, 8], 8, (2.0, 3.0)),
-    ([0, 1], 1, (1.0, 2.0)),
-]
-
-
-@pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
-def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(counts, motions, passes):
-    stripes = np.arange(1.0, len(counts) + 1.0)
-    fit = fit_lognormal(stripes, outcomes(counts, motions))
-    assert fit.separated
-    assert "too small to resolve with these stripes" in str(fit)
-    assert math.isnan(fit.dispersion)
-    assert fit.median == pytest.approx(math.sqrt(passes[0] * passes[1]))
-    assert fit.interval()[0] <= passes[0]
-    assert fit.interval()[1] >= passes[1]
-    exact = [binomtest(k, motions).proportion_ci(0.9, method="exact") for k in counts]
-    # Below and above the stripes nothing limits the probability on one side.
-    lows, highs = [0.0, *(e.low for e in exact)], [*(e.high for e in exact), 1.0]
-    between = np.arange(0.5, len(counts) + 1.0)
-    np.testing.assert_allclose(fit.band(between, level=0.9), [lows, highs], atol=1e-12)
-    np.testing.assert_allclose(fit.band(stripes, level=0.9), [lows[1:], highs[:-1]], atol=1e-12)
-    # The curve is drawn only where the stripes on both sides say the same.
-    shares = np.array([0.0, *counts, motions]) / motions
-    known = shares[1:] == shares[:-1]
-    assert np.array_equal(np.isfinite(fit.probability(between)), known)
-    np.testing.assert_allclose(fit.probability(stripes), shares[1:-1])
-
-
-def test_one_stripe_sees_no_dispersion():
-    for count, median in ((3, math.inf), (5, 2.0), (8, 0.0)):
-        fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
-        assert (fit.separated, fit.median) == (True, median)
-        assert math.isnan(fit.dispersion)
-        assert "unknown with one stripe" in str(fit)
-
-
 def test_a_change_that_rounds_to_zero_is_called_a_reduction():
     cases = {
         (0.25, 0.1, 0.4): (True, "25 %", " (95 % interval 10 to 40 %)"),
@@ -310,110 +230,6 @@ def test_a_change_that_rounds_to_zero_is_called_a_reduction():
     }
     for numbers, words in cases.items():
         assert Interval(*numbers).fall_in_words() == words
-
-
-def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_none():
-    stripes = np.array([0.5, 1.0, 2.0, 4.0])
-    fit = fit_lognormal(stripes, outcomes([10, 12, 14, 16], 40))
-    assert 1.0 / fit.dispersion == pytest.approx(0.2021, abs=1e-4)
-    assert "does not grow" not in str(fit)
-    # The median of these, about exp(900), is no double.
-    assert math.isnan(fit_lognormal(stripes, outcomes([100, 100, 100, 101], 10_000)).median)
-    for counts in ([10, 10, 10, 10], [16, 14, 12, 10], [40, 40, 0, 0], [40, 20, 0, 0]):
-        fit = fit_lognormal(stripes, outcomes(counts, 40))
-        assert math.isnan(fit.median)
-        assert "does not grow" in str(fit)
-
-
-def test_random_fits_are_maxima_or_have_none():
-    rng, seen = np.random.default_rng(35), {"maximum": 0, "separated": 0, "flat": 0}
-    for _ in range(200):
-        stripes = np.sort(np.exp(rng.normal(0.0, 1.0, rng.integers(2, 9))))
-        motions = int(rng.choice([2, 4, 12, 40, 200]))
-        median, dispersion = np.exp(rng.normal(0.0, 1.0)), np.exp(rng.normal(-0.3, 1.2))
-        capacity = median * np.exp(dispersion * rng.standard_normal((motions, len(stripes))))
-        # Either the outcomes of a motion at all stripes hang together, or they do not.
-        hits = (stripes >= (capacity[:, :1] if rng.random() < 0.5 else capacity)).astype(float)
-        hits[rng.random(hits.shape) < rng.choice([0.0, 0.1])] = np.nan
-        fit = fit_lognormal(stripes, hits)
-        fell, stood = (stripes[np.any(hits == x, axis=0)] for x in (1.0, 0.0))
-        assert fit.separated == (not fell.size or not stood.size or stood.max() <= fell.min())
-        if fit.separated:
-            seen["separated"] += 1
-        elif math.isnan(fit.median):
-            seen["flat"] += 1
-            # With the best intercept of each slope the likelihood falls from a slope of zero on.
-            best = [minimize_scalar(against, args=(b, stripes, hits)).fun for b in (0.0, 0.03, 0.3)]
-            assert best == sorted(best)
-        else:
-            seen["maximum"] += 1
-            b = 1.0 / fit.dispersion
-            a = -b * math.log(fit.median)
-            top = likelihood(a, b, stripes, hits)
-            # The likelihood is concave: a maximum among its neighbours is the maximum.
-            turns, size = np.linspace(0.0, 2.0 * math.pi, 40), np.array([[1e-4], [1e-2], [0.3]])
-            near = a + size * np.cos(turns), b + size * np.sin(turns) * max(1.0, b)
-            assert np.all(likelihood(*near, stripes, hits) < top + 1e-9)
-    assert min(seen.values()) > 2
-    assert seen["maximum"] > 100
-
-
-@pytest.mark.parametrize("rows", [[[0, 1, 0, 1, 1]], [[0, 1, 0, 1, 1], [0, 0, 1, 1, 1]]], ids=["one", "two"])
-def test_one_earthquake_or_two_show_no_spread(rows):
-    stripes, hits = np.arange(1.0, 6.0), np.array(rows, dtype=float)
-    # Rows without any outcome are no motions, and copies are no more earthquakes.
-    padded = np.vstack([hits, np.full((3, 5), np.nan)])
-    copies = fit_lognormal(stripes, np.tile(hits, (6, 1)), np.arange(6 * len(hits)) % len(hits))
-    for fit in (fit_lognormal(stripes, hits), fit_lognormal(stripes, padded), copies):
-        assert not fit.separated
-        assert fit.interval() == (0.0, math.inf)
-        np.testing.assert_array_equal(fit.band(np.array([1.0, 3.0])), [[0.0, 0.0], [1.0, 1.0]])
-
-
-def test_without_outcomes_there_is_no_median():
-    fit = fit_lognormal(np.array([1.0, 2.0]), np.full((5, 2), np.nan))
-    assert math.isnan(fit.median)
-    assert "no outcome is known" in str(fit)
-    np.testing.assert_array_equal(fit.band(np.array([0.5, 1.5, 3.0])), [[0.0] * 3, [1.0] * 3])
-
-
-def test_outcomes_that_are_all_the_same_bound_the_probability():
-    never, always = (fit_lognormal(np.array([1.0, 2.0, 3.0]), np.full((20, 3), x)) for x in (0.0, 1.0))
-    assert (str(never), never.interval()) == ("median above the stripes, dispersion unknown", (3.0, math.inf))
-    assert (str(always), always.interval()) == ("median below the stripes, dispersion unknown", (0.0, 1.0))
-    known = binomtest(0, 20).proportion_ci(method="exact").high
-    known = [0.0] * 3, [known, known, 1.0]
-    np.testing.assert_allclose(never.band(np.array([0.5, 2.5, 3.5])), known, rtol=1e-6)
-
-
-def test_large_counts_and_close_stripes_lose_no_digits():
-    stripes = np.array([1.0, 1.0 + 1e-6, 1.0 + 2e-6])
-    hits = outcomes([10_000, 30_000, 70_000], 100_000)
-    near, wide = fit_lognormal(stripes, hits), fit_lognormal(7.0 * stripes**1e6, hits)
-    assert near.median**1e6 == pytest.approx(wide.median / 7.0, rel=1e-7)
-    assert near.dispersion * 1e6 == pytest.approx(wide.dispersion, rel=1e-7)
-
-
-def test_few_earthquakes_have_the_wider_quantile_of_student():
-    hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
-    fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits)
-    toward = -fit.dispersion * np.array([1.0, math.log(fit.median)])
-    width = 4.302652729911275 * math.sqrt(toward @ fit.covariance @ toward)
-    assert fit.interval() == pytest.approx((fit.median * math.exp(-width), fit.median * math.exp(width)))
-
-
-def test_the_interval_covers_and_takes_a_motion_as_one():
-    # The outcomes of a motion at all stripes hang together.
-    rng, stripes, inside, width = np.random.default_rng(0), np.linspace(0.5, 6.0, 12), 0, []
-    for _ in range(200):
-        capacity = 2.0 * np.exp(0.5 * rng.standard_normal(40))
-        fit = fit_lognormal(stripes, (stripes >= capacity[:, None]).astype(float))
-        low, high = fit.interval()
-        inside += low < 2.0 < high
-        width.append(math.log(high / low))
-    assert 0.90 < inside / 200 < 0.985
-    # The deviation of the mean of 40 logarithms.
-    assert np.median(width) == pytest.approx(2 * 1.959964 * 0.5 / math.sqrt(40), rel=0.15)
 
 
 def test_a_share_over_clusters_has_the_interval_of_as_many_observations():

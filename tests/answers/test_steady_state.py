@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.compiled.test_steady import LOSSES
 from tests.reference import (
     CONSERVING,
     LEANING,
@@ -21,11 +20,9 @@ from tests.reference import (
     parameters,
 )
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
-from tpd.answers.period_map import Orbit
-from tpd.answers.steady_state import _Answer, _compare, _status, sampled
+from tpd.answers.steady_state import sampled
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
-from tpd.compiled.simulate import Run
-from tpd.scene.status import index_of, names_of
+from tpd.scene.status import names_of
 from tpd.theory import uplift
 
 X = np.array(WITH[3].x)
@@ -77,17 +74,6 @@ def test_a_trajectory_has_one_state_a_time_and_begins_at_its_start():
     np.testing.assert_array_equal(motion.times, times)
     assert motion.status == Status.rocking
     assert np.all(motion.ys[1] != y0)
-
-
-@pytest.mark.parametrize(("what", "status"), LOSSES)
-def test_the_verdict_by_traced_rules_has_a_name_for_each_loss(what, status):
-    of = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5} | what
-    y, sizes, one = np.array([0.05, 0.1, 0.0, 0.2]), np.array([0.1, 0.2]), np.asarray(1.0)
-    met = np.asarray(of["transversality"]), one, np.asarray(True)
-    orbit = Orbit(y, np.asarray(of["residual"]), y, sizes, np.zeros((6, 9)), np.zeros((6, 4)), *met)
-    others = np.asarray(of["multiplier"]), np.asarray(False), of["to_fold"], 0.0
-    code = _status(index_of("rocking"), orbit, *others)
-    assert names_of(jax.tree.unflatten(jax.tree.structure(Status.failed), [code])) == status
 
 
 @pytest.mark.parametrize(
@@ -336,41 +322,3 @@ def test_a_derivative_in_one_of_plain_numbers_is_that_of_the_answer():
     # What is known goes into further computations, and is a leaf of a pytree.
     doubled = jax.tree.map(lambda leaf: 2 * jnp.asarray(leaf), settled(x, y0))
     assert doubled.amplitude == 2.0 * amplitude(x[5])
-
-
-def compared(answer, exact):
-    """Name of the status, and relative error, of two motions (status, amplitude): smoothed and exact."""
-    of, other = ((index_of(name), jnp.asarray(amplitude)) for name, amplitude in (answer, exact))
-    none = jnp.zeros(())
-    judged = _Answer(of[1], none, of[0], 1, none, False, none, jnp.zeros(4), 0)
-    status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])
-    angles, one = (none, other[1], *4 * (none,)), jnp.asarray(1)
-    settled = Run(*angles, jnp.zeros(4), status, one, one)
-    found = _compare(judged, settled)
-    return str(names_of(found.status)), float(found.estimate)
-
-
-@pytest.mark.parametrize(
-    ("answer", "exact", "expected", "error"),
-    [
-        (("rocking", 0.104), ("rocking", 0.1), "rocking", 0.04),
-        (("rocking", 0.106), ("rocking", 0.1), "inexact", 0.06),
-        (("rocking", 0.1), ("sticking", 0.05), "inexact", 1.0),
-        (("rocking", 0.1), ("rest", 0.0), "inexact", np.inf),
-        (("rocking", 0.1), ("overturned", 0.7), "inexact", 1.0),
-        (("rest", 0.0), ("rest", 0.0), "rest", 0.0),
-        (("rest", 0.0), ("sticking", 0.01), "inexact", 1.0),
-        (("overturned", np.inf), ("overturned", 0.7), "overturned", 0.0),
-        (("overturned", np.inf), ("rocking", 0.1), "inexact", np.inf),
-        # Of a motion that has not settled, the amplitude says nothing.
-        (("rocking", 0.1), ("not_settled", 0.2), "rocking", np.nan),
-        (("rocking", 0.1), ("event_bound", 0.2), "rocking", np.nan),
-        # What the smoothed model does not claim to be an answer keeps its name.
-        (("not_settled", 0.1), ("rocking", 0.2), "not_settled", 0.5),
-        (("unstable", 0.1), ("rocking", 0.2), "unstable", 0.5),
-    ],
-)
-def test_a_smoothed_answer_far_from_the_exact_one_is_inexact(answer, exact, expected, error):
-    status, found = compared(answer, exact)
-    assert status == expected
-    assert found == pytest.approx(error, rel=1e-12, nan_ok=True)

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.benchmarks.stored import columns
-from tpd.answers.statistics import Interval, change, fall, fit_lognormal
+from tpd.answers.fragility import fit_lognormal
+from tpd.answers.statistics import Interval, change, fall
 
 QUESTION = "Do 95 % intervals contain the true value?"
 SEED = 0

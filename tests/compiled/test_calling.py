@@ -24,10 +24,10 @@ def tilt(length):
 def test_with_another_device_about_the_processor_still_runs_the_compiled_code(monkeypatch):
     x, y = box(1, seed=9)
     model = Piecewise(max_periods=3)
-    ours = jax.jit(lambda x, y: model.settle(parameters(x), y).y)(x[0], y[0])
+    ours = jax.jit(lambda x, y: model.settle(parameters(x), y).state)(x[0], y[0])
     others = [SimpleNamespace(platform=name) for name in ("cpu", "cuda")]
     monkeypatch.setattr(jax, "devices", lambda: others)
-    theirs = jax.jit(lambda x, y: model.settle(parameters(x), y).y)(x[0], y[0])
+    theirs = jax.jit(lambda x, y: model.settle(parameters(x), y).state)(x[0], y[0])
     np.testing.assert_array_equal(ours, theirs)
 
 

@@ -2,7 +2,12 @@
 
 import pytest
 
-from tpd.compiled.columns import ASKED, SIZES, is_neutral
+from tpd.compiled.columns import ASKED, SIZES, STATUSES, is_neutral
+from tpd.scene.status import Status
+
+
+def test_statuses_have_the_same_numbers_in_compiled_code():
+    assert Status.__names__[: len(STATUSES)] == STATUSES
 
 
 def test_places_requested_together_cover_every_size_once():

@@ -9,13 +9,13 @@ import numpy as np
 
 from tests import interpreted
 from tests.reference import WITH, parameters
-from tpd.compiled.rows import numbers_of, packed, row_of
+from tpd.compiled.rows import packed, row_of
 from tpd.scene.parameters import NAMES, from_row
 
 
 def test_parameters_come_back_with_ratios_of_their_own():
     p = parameters((*WITH[0].x, 0.8))
-    q = from_row(packed(numbers_of(p)))
+    q = from_row(packed(p.numbers))
     assert float(q.rho) == float(p.inertia_ratio)
     np.testing.assert_array_equal(row_of(q), row_of(p))
     many = row_of(parameters((*WITH[0].x[:6], np.array([2.0, 3.0]))), piece=np.array([0.1, 0.2]))

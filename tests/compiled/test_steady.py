@@ -19,7 +19,7 @@ from tests.reference import (
 )
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
-from tpd.compiled import columns, repetition, steady
+from tpd.compiled import columns, steady
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import as_arrays
 
@@ -44,11 +44,12 @@ def test_a_settled_motion_has_the_sizes_and_state_of_fifty_digits(row):
     assert (np.abs(np.asarray(visited) - end) / scales(x)).max(axis=1).min() < REACH
 
 
-def verdict(transversality=1.0, residual=0.0, multiplier=0.5, to_fold=0.5, separation=np.nan):
-    """Of a motion that repeats, when all else is in order."""
-    code = steady.verdict.py_func(
-        repetition.ROCKING, residual, separation, multiplier, to_fold, transversality, False
-    )
+def verdict(residual=0.0, multiplier=0.5, to_fold=0.5, transversality=1.0, outcome=columns.ROCKING, **state):
+    """Verdict by the rules of compiled code and of JAX; by default on a motion that repeats."""
+    flags = {"neutral": False, "small": False, "damped": True, "finite": True} | state
+    numbers = outcome, residual, multiplier, to_fold, transversality, *flags.values()
+    codes = {int(columns.verdict_with(where)(*numbers)) for where in (jnp.where, steady._select.py_func)}
+    (code,) = codes
     return columns.STATUSES[code]
 
 
@@ -61,11 +62,18 @@ LOSSES = [
     ({"multiplier": 1.001}, "unstable"),
     ({"residual": 1e-7}, "not_settled"),
     ({"residual": np.nan}, "not_settled"),
+    ({"neutral": True}, "neutral"),
+    ({"small": True}, "rest"),
+    ({"finite": False}, "failed"),
+    ({"multiplier": np.inf}, "failed"),
+    ({"outcome": columns.AT_REST, "residual": np.inf}, "event_bound"),
+    ({"outcome": columns.AT_REST, "residual": np.inf, "damped": False}, "rest"),
+    ({"outcome": columns.OVERTURNED, "finite": False}, "overturned"),
 ]
 
 
-@pytest.mark.parametrize(("what", "status"), [*LOSSES, ({"separation": 0.1}, "aperiodic")])
-def test_the_verdict_has_a_name_for_each_loss(what, status):
+@pytest.mark.parametrize(("what", "status"), LOSSES)
+def test_the_verdict_of_compiled_code_and_of_jax_has_a_status_for_each_case(what, status):
     assert verdict(**what) == status
 
 
@@ -184,7 +192,7 @@ def test_a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_
     # Rounding alone makes another motion of each start within the hundred periods, and over so few the rate
     # scatters by a tenth.
     for more in 1.0 + 0.05 * np.random.default_rng(0).normal(size=(8, 4)):
-        _, slopes, status = along(CHAOTIC, np.asarray(settled.y) * more, times)
+        _, slopes, status = along(CHAOTIC, np.asarray(settled.state) * more, times)
         assert status == "rocking"
         sizes = np.linalg.norm(slopes @ scale / scale, axis=1)[:101]
         assert sizes[-1] > 1e13

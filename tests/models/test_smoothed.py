@@ -183,7 +183,7 @@ def test_a_solver_that_cannot_keep_up_has_a_status_and_no_nan():
     model = Smoothed(sharpness=1e-6)
     settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(STILL.x))
     assert status_name(settled.status) == "event_bound"
-    for size in (settled.amplitude, settled.swing, settled.y):
+    for size in (settled.settled_tilt, settled.settled_swing, settled.state):
         assert np.all(np.isfinite(np.asarray(size)))
 
 
@@ -277,7 +277,7 @@ def test_nonlinear_terms_are_compared_with_the_nonlinear_motion_and_the_parametr
     nonlinear, parametric = (
         steady_state(p, model=Smoothed(terms=t)) for t in (Terms.nonlinear, Terms.parametric)
     )
-    known = Nonlinear().settle(p, jnp.zeros(4)).amplitude
+    known = Nonlinear().settle(p, jnp.zeros(4)).settled_tilt
     assert nonlinear.estimate == pytest.approx(float(abs(nonlinear.amplitude / known - 1.0)), abs=2e-6)
     assert nonlinear.estimate < 1e-4
     assert np.isnan(parametric.estimate)

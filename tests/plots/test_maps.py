@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.answers.fragility import Curve, Fragility
+from tpd.answers.fragility import Curve, Fragility, fit_lognormal
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
-from tpd.answers.statistics import fit_lognormal
 from tpd.design.optimise import Designs
 from tpd.plots.style import new_axes
 from tpd.records.intensity import spectral_acceleration

@@ -14,15 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import root
+from scipy.special import betaincinv, erfcx, ndtr, ndtri, stdtrit
 
 from tpd.answers.run_table import CASE_KEYS, Cases, Progress, follow_scaled
-from tpd.answers.statistics import (
-    SIGNIFICANT,
-    Lognormal,
-    fit_lognormal,
-    mcnemar,
-    median_words,
-)
+from tpd.answers.statistics import LEVEL, ROUNDING, SIGNIFICANT, added_up, mcnemar
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
@@ -45,6 +41,8 @@ infinity is overturning."""
 
 _LABELS = ("without pendulum", "with pendulum")
 """Names of the cases in text."""
+_CONVERGED = 1e-8
+"""Largest derivative of the likelihood, per outcome, at its maximum. About 1e-13 is usual."""
 
 
 @dataclass(frozen=True)
@@ -336,3 +334,225 @@ def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
         lowest = np.where(reaches.any(axis=1), stripes[np.argmax(reaches, axis=1)], np.inf)
         medians.append(float(np.median(lowest)))
     return medians[0] if medians[0] == medians[1] else math.nan
+
+
+@dataclass(frozen=True)
+class Lognormal:
+    """Fragility curve: the probability of a damage state at the intensity x is Phi(ln(x/median)/dispersion).
+
+    The likelihood has a finite maximum exactly if the outcomes overlap: some motion reaches the state at an
+    intensity below one at which some motion does not reach it, and the other way round (M. J. Silvapulle, J.
+    R. Statist. Soc. B 43, 1981). If the outcomes are separated, the only information is that of the stripes,
+    and that the probability increases with the intensity.
+    """
+
+    median: float
+    """Median of the distribution. If the outcomes are separated, it is the geometric mean of the two stripes
+    between which the share passes a half: 0 if the share is above a half at all stripes, infinite if it is
+    below at all stripes. NaN if the share does not increase with the intensity, or if no outcome is known."""
+    dispersion: float
+    """Standard deviation of the logarithm; NaN if unknown."""
+    covariance: np.ndarray
+    """Covariance of intercept and slope of the probit in ln x, shape (2, 2). It is the sandwich estimate over
+    earthquakes: all motions of one earthquake at all stripes count as one observation. NaN if it is unknown:
+    for separated outcomes, fewer than three earthquakes, and earthquakes that are all alike."""
+    separated: bool
+    """Whether the likelihood has no finite maximum, because no motion reaches the state at an intensity below
+    one at which some motion does not. The dispersion is then too small to resolve with these stripes."""
+    freedom: float = math.nan
+    """Degrees of freedom of Student's distribution: number of earthquakes minus the two coefficients."""
+    seen: np.ndarray | None = None
+    """Data of the stripes, shape (3, stripes); None unless the outcomes are separated. The rows are the
+    intensities, the number of earthquakes that reach the state (the share of the motions times all
+    earthquakes), and the number of earthquakes with a known outcome."""
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """Median with its interval, and dispersion, as text."""
+        if math.isnan(self.median):
+            nothing = self.seen is not None and not self.seen.size
+            why = "no outcome is known" if nothing else "the share does not grow with the intensity"
+            return "unknown", why
+        where = median_words(self.median)
+        if 0.0 < self.median < math.inf:
+            where += " ({:.4g} to {:.4g})".format(*self.interval())
+        if self.seen is None:
+            return where, f"{self.dispersion:.3g}"
+        stripes, counts, n = self.seen
+        # If all outcomes are equal, the median contains all information.
+        if not 0.0 < counts.sum() < n.sum():
+            return where, "unknown"
+        several = "too small to resolve with these stripes"
+        return where, several if len(stripes) > 1 else "unknown with one stripe"
+
+    def __str__(self) -> str:
+        return "median {}, dispersion {}".format(*self.words)
+
+    def probability(self, x: np.ndarray) -> np.ndarray:
+        """Return the probability of the state at intensities x > 0.
+
+        If the outcomes are separated, it is the share of the two stripes around x if they agree, otherwise
+        NaN.
+        """
+        if self.seen is None:
+            return ndtr(np.log(np.asarray(x, dtype=float) / self.median) / self.dispersion)
+        share = self.seen[1] / self.seen[2]
+        low, high = self._around(share, share, x)
+        return np.where(low == high, low, np.nan)
+
+    def band(self, x: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pointwise confidence band of the probability at intensities x > 0, by the delta method.
+
+        If the outcomes are separated, the band has the exact binomial limits of the stripes around x (C. J.
+        Clopper and E. S. Pearson, Biometrika 26, 1934), since the probability increases with x. If nothing is
+        known, the band is 0 to 1.
+        """
+        x = np.asarray(x, dtype=float)
+        if self.seen is not None:
+            return self._around(*self._limits(level), x)
+        if not np.isfinite(self.covariance).all():
+            return np.zeros_like(x), np.ones_like(x)
+        middle = np.log(x / self.median) / self.dispersion
+        width = self._width(np.stack([np.ones_like(x), np.log(x)], axis=-1), level)
+        return ndtr(middle - width), ndtr(middle + width)
+
+    def interval(self, level: float = LEVEL) -> tuple[float, float]:
+        """Return the confidence interval of the median, by the delta method.
+
+        If the outcomes are separated, it contains the intensities at which the band contains a half. If
+        nothing is known, it is 0 to infinity.
+        """
+        if self.seen is not None:
+            low, high = self._limits(level)
+            below, above = self.seen[0][high < 0.5], self.seen[0][low > 0.5]
+            return float(below.max(initial=0.0)), float(above.min(initial=math.inf))
+        if not np.isfinite(self.covariance).all():
+            return 0.0, math.inf
+        width = float(self._width(-self.dispersion * np.array([1.0, math.log(self.median)]), level))
+        return self.median * _exp(-width), self.median * _exp(width)
+
+    def _width(self, direction: np.ndarray, level: float) -> Any:
+        """Return the half widths of the intervals of linear forms of both coefficients, shape (..., 2)."""
+        variance = np.einsum("...i,ij,...j->...", direction, self.covariance, direction)
+        return stdtrit(self.freedom, 0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 0.0))
+
+    def _limits(self, level: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the exact binomial limits of the probability at the stripes."""
+        assert self.seen is not None
+        quantile, (_, counts, n) = 0.5 * (1.0 + level), self.seen
+        # The lower limit follows from the upper limit of the complement. If every outcome is a hit, the
+        # function returns NaN, and the limit is 1.
+        limits = [np.nan_to_num(betaincinv(k + 1.0, n - k, quantile), nan=1.0) for k in (n - counts, counts)]
+        return 1.0 - limits[0], limits[1]
+
+    def _around(self, low: np.ndarray, high: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lower limit of all stripes up to x, and the upper limit of all stripes from x on."""
+        assert self.seen is not None
+        least = np.maximum.accumulate(np.concatenate([[0.0], low]))
+        most = np.minimum.accumulate(np.concatenate([high, [1.0]])[::-1])[::-1]
+        at = [np.searchsorted(self.seen[0], x, side=side) for side in ("right", "left")]
+        return least[at[0]], most[at[1]]
+
+
+def median_words(median: float) -> str:
+    """Return the median of a `Lognormal` as text."""
+    if math.isnan(median):
+        return "unknown"
+    return {0.0: "below the stripes", math.inf: "above the stripes"}.get(median, f"{median:.4g}")
+
+
+def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray | None = None) -> Lognormal:
+    """Fit a lognormal distribution to the outcomes of motions at stripes (probit regression).
+
+    Args:
+        stripes: increasing intensities, shape (stripes,).
+        hits: 1 where a motion reaches the state, 0 where it does not, NaN if unknown; shape
+            (motions, stripes).
+        earthquakes: number of the earthquake of each motion, shape (motions,); by default each motion has its
+            own earthquake.
+
+    Raises:
+        RuntimeError: the maximum is not reached (never observed).
+    """
+    answered = np.isfinite(hits)
+    n, counts = answered.sum(axis=0), np.where(answered, hits, 0.0).sum(axis=0)
+    some, unknown = n > 0, np.full((2, 2), math.nan)
+    x, counts, n = np.log(stripes[some]), counts[some], n[some].astype(float)
+    # The outcomes are separated if no intensity without the state is above one with it.
+    if x[counts < n].max(initial=-math.inf) <= x[counts > 0.0].min(initial=math.inf):
+        independent = (added_up(answered, earthquakes) > 0).sum(axis=0)[some]
+        seen = np.stack([stripes[some], counts / n * independent, independent])
+        # The last stripe with a share up to a half, and the first with a share from a half on. They are the
+        # same stripe if its share is exactly a half.
+        below = seen[0][2.0 * seen[1] <= seen[2]].max(initial=0.0)
+        above = seen[0][2.0 * seen[1] >= seen[2]].min(initial=math.inf)
+        return Lognormal(math.sqrt(below * above) if x.size else math.nan, math.nan, unknown, True, seen=seen)
+    middle = float(np.average(x, weights=n))
+    scale = math.sqrt(float(np.average((x - middle) ** 2, weights=n)))
+    # The slope of the maximum has the sign of the derivative of the likelihood at the slope zero.
+    if not counts @ (x - middle) > ROUNDING * (counts @ np.abs(x - middle)):
+        return Lognormal(math.nan, math.nan, unknown, False)
+    beta = _most_likely((x - middle) / scale, counts, n)
+    dispersion = scale / float(beta[1])
+    median = _exp(middle - float(beta[0]) * dispersion)
+    if not 0.0 < median < math.inf:
+        # The share increases, but so slowly that the median is not a finite number.
+        return Lognormal(math.nan, math.nan, unknown, False)
+    covariance, groups = _sandwich((np.log(stripes) - middle) / scale, hits, beta, earthquakes)
+    shift = np.array([[1.0, -middle / scale], [0.0, 1.0 / scale]])
+    return Lognormal(median, dispersion, shift @ covariance @ shift.T, False, float(groups - 2))
+
+
+def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Return intercept and slope with the largest likelihood, for x with mean 0 and standard deviation 1.
+
+    The likelihood is concave, so that its derivative vanishes at the maximum.
+    """
+    basis = np.stack([np.ones_like(x), x])
+
+    def score(beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        eta = beta @ basis
+        up, down = _density_over(eta), _density_over(-eta)
+        curvature = counts * up * (up + eta) + (n - counts) * down * (down - eta)
+        return basis @ (counts * up - (n - counts) * down), -(basis * curvature) @ basis.T
+
+    solution = root(score, [float(ndtri(counts.sum() / n.sum())), 0.0], jac=True, tol=1e-14)
+    # `solution.success` is false if rounding ends the iteration, so that the derivative is tested instead.
+    if not np.abs(solution.fun).max() <= _CONVERGED * n.sum():
+        raise RuntimeError(f"the fit of a lognormal curve does not end: counts {counts} of {n}")
+    return solution.x
+
+
+def _sandwich(
+    x: np.ndarray, hits: np.ndarray, beta: np.ndarray, earthquakes: np.ndarray | None
+) -> tuple[np.ndarray, int]:
+    """Return the covariance of the coefficients, and the number of earthquakes with a known outcome.
+
+    The scores of one earthquake at all stripes are added, because they are not independent.
+    """
+    answered = np.isfinite(hits)
+    n = int(added_up(answered, earthquakes).any(axis=1).sum())
+    # The scores of all earthquakes add up to zero, so that a single one shows no variance. Two earthquakes
+    # leave one direction without variance, and the curve would be certain at one intensity.
+    if n < 3:
+        return np.full((2, 2), math.nan), n
+    basis = np.stack([np.ones_like(x), x])
+    eta = beta @ basis
+    up, down = _density_over(eta), _density_over(-eta)
+    bread = np.linalg.inv((basis * answered.sum(axis=0) * up * down) @ basis.T)
+    # One row for each earthquake, because its motions and stripes are not independent observations.
+    scores = added_up(np.where(answered, np.where(hits == 1.0, up, -down), 0.0) @ basis.T, earthquakes)
+    # Earthquakes that are all alike show no variance either.
+    if np.abs(scores).max() < ROUNDING * answered.sum():
+        return np.full((2, 2), math.nan), n
+    return n / (n - 1) * bread @ (scores.T @ scores) @ bread, n
+
+
+def _density_over(eta: np.ndarray) -> np.ndarray:
+    """Return the ratio of density and distribution function of the normal distribution."""
+    return math.sqrt(2.0 / math.pi) / erfcx(-eta / math.sqrt(2.0))
+
+
+def _exp(x: float) -> float:
+    """Return the exponential of x; infinite if it exceeds the largest double."""
+    return math.exp(x) if x < 709.0 else math.inf

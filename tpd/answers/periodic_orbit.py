@@ -15,14 +15,14 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.compiled.calling import LINEAR, numbers_in, parts, shape
-from tpd.compiled.columns import STATUSES, STEADY
+from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY
 from tpd.compiled.derivatives import with_slopes
 from tpd.compiled.rows import packed, row_of
 from tpd.compiled.simulate import EVENTS, REST_RATES
 from tpd.core import checks
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import single
-from tpd.scene.status import Status, index_of
+from tpd.scene.status import Status, status_of
 from tpd.theory.equations import Terms
 
 REST_RATE = REST_RATES[Terms.linear]
@@ -152,10 +152,9 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
     *both, fold = numbers[_SIZES:]
     # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
-    names = ("no_orbit" if name == "not_settled" else name for name in STATUSES)
-    status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[fields.status.astype(int)]
+    code = jnp.asarray(fields.status, dtype=jnp.int32)
     return PeriodicOrbit(
-        status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [status]),
+        status=status_of(jnp.where(code == NOT_SETTLED, NO_ORBIT, code)),
         amplitude=amplitude,
         swing=swing,
         state=jnp.stack(state),

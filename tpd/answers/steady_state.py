@@ -11,9 +11,8 @@ both use it. The derivative does not exist where a multiplier is on the unit cir
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from functools import lru_cache, partial
-from typing import Any, cast
+from functools import lru_cache
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -21,36 +20,18 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
-from tpd.compiled.calling import parts
-from tpd.compiled.columns import GRAZING, NEAR_FOLD, RESIDUAL, STATUSES, STEADY, SYMMETRIC, is_neutral
+from tpd.compiled.columns import NU, WIDTH
 from tpd.compiled.derivatives import joined, refused
-from tpd.compiled.rows import numbers_of, packed
-from tpd.compiled.simulate import Run, solve
+from tpd.compiled.simulate import SteadyNumbers
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
-from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, AbstractModel
+from tpd.models.base import AbstractChoice, AbstractModel
 from tpd.models.piecewise import Piecewise
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import Number, State, single
-from tpd.scene.status import (
-    NOT_ATTRACTING,
-    SETTLED,
-    UNANSWERED,
-    Status,
-    code_of,
-    codes_of,
-    is_one_of,
-    status_name,
-)
-
-_STATUSES = codes_of(STATUSES)
-"""Numbers of the statuses of this package, by the numbers that compiled code uses."""
-INEXACT = 0.05
-"""Relative error of a smoothed amplitude above which the status is `inexact`."""
+from tpd.scene.status import SETTLED, Status, is_one_of, status_name
 
 
 class Steady(eqx.Module):
@@ -310,52 +291,34 @@ def _states_at_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes are computed first, and then joined. Forward and reverse mode, nested to any depth,
     # then cost one product with the slopes, and never differentiate the loops that solve for the orbit.
-    values = numbers_of(p)
-    plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
-    if plain and isinstance(model, AbstractCompiled):
-        # The most frequent call. It takes as long as two tests of whether JAX traces a value, so that no such
-        # test is made here.
-        return _steady(_answer(solve(model.equations, np.array(values), y0, model.limits))[0])
-    if any(np.size(x) != 1 for x in values):
-        raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
-    values = single(values)
-    is_concrete, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
-    start = _without_tangent(y0)
-    # Compiled code needs no JAX program if all its inputs are known numbers.
-    is_plain = all(map(checks.is_concrete, (*fixed, start)))
-    x: Any = np.array(fixed, dtype=float) if is_plain else packed(fixed)
-    start = start if is_plain else jnp.asarray(start, float)
-    if isinstance(model, AbstractCompiled):
-        answer, slopes = _answer(solve(model.equations, x, start, model.limits))
-    else:
-        # `eqx.filter_jit` separates arrays from other leaves in Python at every call. A model without array
-        # leaves can be a static argument of `jax.jit`, which is faster.
-        flow = cast("AbstractFlow", model)
-        answer, slopes = (_solved_with if jax.tree.leaves(flow) else _solved_by)(x, flow, start)
-    return _steady(answer if is_concrete else _joined((*values, *y0), answer, slopes))
-
-
-_PLAIN = {float, np.float64}
-"""Types of numbers that are certainly not traced."""
-
-
-def _without_tangent(x: Any) -> Any:
-    """Return a number or an array without its tangent; known numbers are returned unchanged."""
-    return x if checks.is_concrete(x) else stop_gradient(x)
-
-
-_Answer = namedtuple(
-    "_Answer",
-    "amplitude swing status periods multiplier symmetric lyapunov state elapsed estimate",
-    defaults=(math.nan,),
-)
-"""Numbers of a `Steady`, in the order of its fields."""
-
-
-def _steady(answer: _Answer) -> Steady:
+    values = (*p.numbers, *y0)
+    is_plain = all(isinstance(x, float) for x in values)
+    if not is_plain:
+        if any(np.size(x) != 1 for x in values):
+            raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
+        values = tuple(checks.plain("p", x, single=True) for x in values)
+    answer, slopes = model.__class__.solve_steady(model, values)  # pyright: ignore[reportArgumentType]
     # The object is built from its leaves, because its fields are annotated as JAX arrays, and known numbers
     # are NumPy numbers.
-    return jax.tree.unflatten(_structure(), answer)
+    return jax.tree.unflatten(_structure(), answer if is_plain else _joined(values, answer, slopes))
+
+
+def _joined(values: tuple, answer: SteadyNumbers, slopes: Any) -> SteadyNumbers:
+    """Return the answer, which depends on parameters and initial state with the slopes of its sizes."""
+
+    # A settled orbit does not depend on the initial state, so that the derivatives with respect to the
+    # initial state are zero, or NaN.
+    def column(i: int) -> Any:
+        return slopes[:, i] if i < WIDTH else 0.0 * slopes[:, NU]
+
+    unknown = (lambda _: np.float64(np.nan),) * 3
+    rules = (lambda i: column(i)[0]), (lambda i: column(i)[1]), (lambda i: column(i)[2:]), *unknown
+    fields = joined(values, tuple(getattr(answer, name) for name in _DEPENDING), rules)
+    return answer._replace(**dict(zip(_DEPENDING, fields, strict=True)))
+
+
+_DEPENDING = "amplitude", "swing", "state", "multiplier", "lyapunov", "estimate"
+"""Fields that depend on the parameters. The derivatives of the last three are not computed."""
 
 
 @lru_cache(maxsize=1)
@@ -365,153 +328,3 @@ def _structure() -> Any:
     return jax.tree.structure(
         Steady(none, none, Status.failed, count, none, no, none, jnp.zeros(4), count, none)
     )
-
-
-_DEPENDING = "amplitude", "swing", "state", "multiplier", "lyapunov", "estimate"
-"""Fields that depend on the parameters. The derivatives of the last three are not computed."""
-
-
-def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
-    """Attach the slopes of amplitude, swing and state to an answer whose inputs are differentiated."""
-    # Only inputs that are traced need derivatives. A settled orbit does not depend on the initial state, so
-    # that the derivatives with respect to the initial state (i >= 9) are zero, or NaN.
-    traced = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
-    unknown = np.full(len(traced), np.nan)
-    by = [slopes[:, i] if i < 9 else 0.0 * slopes[:, 0] for i in traced]
-    numbers = tuple(getattr(answer, name) for name in _DEPENDING)
-    rows = *([s[k] for s in by] for k in range(2)), [s[2:] for s in by], unknown, unknown, unknown
-    fields = joined(tuple(jnp.asarray(values[i], dtype=jnp.float64) for i in traced), numbers, rows)
-    return answer._replace(**dict(zip(_DEPENDING, fields, strict=True)))
-
-
-def _answer(out: Any) -> tuple[_Answer, Any]:
-    """Return the answer in a record of compiled code, and the slopes of amplitude, swing and state."""
-    record = STEADY
-    if isinstance(out, np.ndarray):
-        # The first row of a structured view has NumPy numbers, and not arrays without axes.
-        fields: Any = _record_type(record)._make(out.view(record)[0])
-        xp, whole = np, int
-    else:
-        fields, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
-    # The status must be an array, because Equinox uses it as an index of the messages.
-    status = xp.asarray(xp.asarray(_STATUSES)[whole(fields.status)])
-    period = whole(fields.periods), fields.multiplier, fields.symmetric == 1.0, fields.lyapunov
-    answer = _Answer(fields.amplitude, fields.swing, status, *period, fields.y, whole(fields.elapsed))
-    return answer, fields.by
-
-
-@lru_cache(maxsize=1)
-def _record_type(record: np.dtype) -> Any:
-    """Return a named tuple with the names of a record."""
-    return namedtuple("_record_type", record.names or ())
-
-
-def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
-    """Return the answer of a model and the slopes of amplitude, swing and state, as a traced function.
-
-    Slopes that do not exist are NaN.
-    """
-    sane = jnp.all(jnp.isfinite(x)) & jnp.all(jnp.isfinite(y0))
-    # With NaN a solver would continue until its limit on steps. Harmless numbers replace such inputs, and the
-    # status is set to failed.
-    fixed = from_row(jnp.where(sane, x, 1.0))
-    settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
-    settled = settled._replace(status=Status.where(sane, settled.status, Status.failed))
-    answer, slopes = _evaluate(fixed, model, settled)
-    return _compare(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
-
-
-_solved_by = jax.jit(_solve, static_argnums=1)
-_solved_with = eqx.filter_jit(_solve)
-
-
-def _compare(answer: _Answer, exact: Run | None) -> _Answer:
-    """Return the answer of a smoothed model with its difference from the exact motion."""
-    if exact is None:
-        return answer
-    (code,) = jax.tree.leaves(exact.status)
-    amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.settled_tilt)
-    # The difference is zero if both motions rest or both overturn, and infinite if only one does.
-    error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
-    is_answered = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
-    is_settled = is_one_of(answer.status, *SETTLED, Status.overturned)
-    status = jnp.where(is_settled & is_answered & (error > INEXACT), code_of(Status.inexact), answer.status)
-    return answer._replace(status=status, estimate=jnp.where(is_answered, error, jnp.nan))
-
-
-def _evaluate(p: Parameters, model: AbstractFlow, reached: Run) -> tuple[_Answer, Array]:
-    """Return the answer for the motion that following has reached, and the slopes of its sizes and state.
-
-    The slopes are those of amplitude, swing and state with respect to the parameters. Slopes that do not
-    exist are NaN.
-    """
-    (code,) = jax.tree.leaves(reached.status)
-    orbit = refine(p, model, reached, code)
-    multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
-    neutral = is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, multiplier)
-    # The method of the class is called for speed, as for the check of the parameters.
-    status = _status(code, orbit, multiplier, neutral, to_fold, model.__class__.resolution(model, p))
-    # Newton's method computes one period of every damped bob under a block at rest. It has no finite residual
-    # only if this period needs too many solver steps. (An undamped bob is on no orbit.)
-    no_period = jnp.logical_not(jnp.isfinite(orbit.residual))
-    cut_short = (code == code_of(Status.rest)) & (p.zeta > 0.0) & no_period
-    status = jnp.where(cut_short, code_of(Status.event_bound), status)
-    # Without a finite derivative of the period map the stability is unknown.
-    unknown = (status == code_of(Status.unstable)) & jnp.logical_not(jnp.isfinite(multiplier))
-    status = jnp.where(unknown, code_of(Status.failed), status)
-    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == code_of(Status.overturned))
-    status = jnp.where(sound, status, code_of(Status.failed))
-    # If friction holds a tilted block, it also holds the block at neighbouring tilts: the multiplier is 1.
-    multiplier = jnp.where(status == code_of(Status.held), 1.0, multiplier)
-    sizes, slopes = _sizes_of(p, reached, orbit, status, multiplier)
-    periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
-    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods.astype(float) * p.period), jnp.nan)
-    # The mirror image is half a period later, which is a whole number of half forcing periods only if the
-    # number of periods is odd.
-    symmetric = periodic & (reached.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
-    has_orbit = periodic | is_one_of(status, Status.held, Status.near_fold, Status.grazing)
-    multiplier = jnp.where(has_orbit, multiplier, jnp.nan)
-    rest = status, reached.periods, multiplier, symmetric, lyapunov, orbit.y, reached.elapsed
-    return _Answer(sizes[0], sizes[1], *rest), slopes
-
-
-def _sizes_of(p: Any, reached: Run, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
-    """Return (amplitude, swing), and the slopes of these and of the state where they exist."""
-    rests = status == code_of(Status.rest)
-    # An undamped bob under a block at rest swings for ever and is on no orbit, but its swing is known.
-    undamped = rests & (p.zeta == 0.0)
-    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(undamped)
-    # On an isolated orbit one more Newton step improves the sizes. Elsewhere I - DP may be singular, and the
-    # sizes are those of the orbit before this step.
-    followed = jnp.stack([reached.settled_tilt, reached.settled_swing])
-    last = jnp.where(status == code_of(Status.failed), jnp.full(2, jnp.nan), followed)
-    sizes, slopes = implicit(orbit)
-    last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
-    last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)
-    sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
-    bob_rests = rests & (sizes[1] == 0.0)
-    # The amplitude of a block at rest is zero for all neighbouring parameters, so that its slopes are zero.
-    # The swing of a bob at rest has no slope, because |psi| has a corner there.
-    tilt_slopes = jnp.where(rests, jnp.zeros(9), slopes[0])
-    swing_slopes = jnp.where(bob_rests, jnp.full(9, jnp.nan), slopes[1])
-    slopes = jnp.concatenate([jnp.stack([tilt_slopes, swing_slopes]), slopes[2:]])
-    return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
-
-
-def _status(code: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:
-    """Return the number of the final status of a motion.
-
-    `code` is the status that following the motion has given. The other arguments are the results of Newton's
-    method on the period map.
-    """
-    # Each line overrules the lines above. Stability comes first, because the multipliers have no meaning if
-    # the motion grazes an event, is next to a fold, or is not on an orbit. A motion below the resolution of
-    # the model is rest, whatever its multipliers are.
-    moving = is_rocking(code)
-    status = jnp.where(moving & (multiplier > 1.0), code_of(Status.unstable), code)
-    status = jnp.where(moving & neutral, code_of(Status.neutral), status)
-    status = jnp.where(moving & (orbit.transversality < GRAZING), code_of(Status.grazing), status)
-    status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), code_of(Status.near_fold), status)
-    not_closed = jnp.logical_not(orbit.residual < RESIDUAL)
-    status = jnp.where(moving & not_closed, code_of(Status.not_settled), status)
-    return jnp.where(moving & (orbit.sizes[0] < resolution), code_of(Status.rest), status)

@@ -5,7 +5,7 @@ equations (4) with Taylor series. Numba compiles both to machine code.
 
 Three modules are the entry points for the rest of the package:
 
-- `simulate.follow` simulates runs of both models, and `simulate.solve` computes their steady states.
+- `simulate.follow` simulates runs of both models, and `simulate.solve_steady` computes their steady states.
 - `trajectories` returns states over time.
 - `orbits` solves the symmetric periodic orbits.
 
@@ -15,7 +15,7 @@ Two Newton methods solve for periodic orbits. Each has a compiled form for the e
 for the models that are JAX programs:
 
 - The first method solves y = P(y), where P is the map over a number of forcing periods. It converges to
-  orbits of any kind from a state nearby. See `period_map`, and `tpd.answers.period_map` for JAX.
+  orbits of any kind from a state nearby. See `period_map`, and `tpd.models.period_map` for JAX.
 - The second method solves the map of half a forcing period of a symmetric orbit, with the numbers of the
   upper turning point as unknowns. `orbit_roots_kernel` does so in closed form and needs no initial state. See
   `tpd.models.half_period` for JAX.

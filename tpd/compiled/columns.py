@@ -6,6 +6,8 @@ define near which points an orbit loses its derivatives, and which orbits neithe
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,12 +29,12 @@ WIDTH = len(NAMES)
 ORBIT_STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses of symmetric orbits, by their numbers in compiled code."""
 STATUSES = (
-    *("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed"),
-    *("aperiodic", "unstable", "neutral", "near_fold", "grazing", "stood", "rocked"),
+    *("rocking", "sticking", "rest", "held", "overturned", "aperiodic", "not_settled", "unstable"),
+    *("neutral", "near_fold", "grazing", "event_bound", "failed", "no_orbit", "stood", "rocked"),
 )
-"""Names of the statuses of runs and of steady states, by their numbers in compiled code."""
-ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
-APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS, STOOD, ROCKED = range(8, 15)
+"""Names of the statuses in compiled code. Their numbers are those of `tpd.scene.status`."""
+ROCKING, STICKING, AT_REST, HELD, OVERTURNED, APERIODIC_STATUS, NOT_SETTLED, UNSTABLE = range(8)
+NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS, EVENT_BOUND, FAILED, NO_ORBIT, STOOD, ROCKED = range(8, 16)
 """Numbers of these statuses."""
 RUN = np.dtype(
     [
@@ -48,7 +50,7 @@ RUN = np.dtype(
 STEADY = np.dtype(
     [
         *((name, np.float64) for name in ("amplitude", "swing")),
-        ("y", np.float64, (4,)),
+        ("state", np.float64, (4,)),
         *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
         ("multipliers", np.complex128, (4,)),
@@ -104,3 +106,53 @@ def is_neutral(k: Any, e: Any, mu: Any, zeta: Any, largest: Any) -> Any:
     # block.
     conserves = (k == 0.0) & (e == 1.0) & ((mu == 0.0) | (zeta == 0.0))
     return (conserves & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)
+
+
+def verdict_with(where: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function that decides the status of a steady state.
+
+    Compiled code and JAX have the same rules, but another function `where(condition, a, b)`.
+    """
+
+    def verdict(
+        outcome: Any,
+        residual: Any,
+        multiplier: Any,
+        to_fold: Any,
+        transversality: Any,
+        neutral: Any,
+        small: Any,
+        damped: Any,
+        finite: Any,
+    ) -> Any:
+        """Return the number of a status, from the run and from Newton's method.
+
+        Args:
+            outcome: status at the end of the run.
+            residual: residual of the orbit.
+            multiplier: modulus of the largest multiplier.
+            to_fold: distance of the nearest multiplier from 1.
+            transversality: smallest transversality of all events.
+            neutral: whether the orbit neither attracts nor repels.
+            small: whether the model cannot distinguish the motion from rest.
+            damped: whether the hinge has damping.
+            finite: whether the state is finite.
+        """
+        # The statements are in increasing order of priority: each one overrules those above it. Stability
+        # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
+        moving = (outcome == ROCKING) | (outcome == STICKING)
+        status = where(moving & (multiplier > 1.0), UNSTABLE, outcome)
+        status = where(moving & neutral, NEUTRAL, status)
+        status = where(moving & (transversality < GRAZING), GRAZING_STATUS, status)
+        status = where(moving & (to_fold < 2.0 * NEAR_FOLD), NEAR_FOLD_STATUS, status)
+        status = where(residual < RESIDUAL, status, where(moving, NOT_SETTLED, status))
+        status = where(moving & small, AT_REST, status)
+        # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
+        # simulated, unless it has more events or solver steps than allowed.
+        stopped = where((outcome == AT_REST) & damped, EVENT_BOUND, status)
+        status = where(residual < math.inf, status, stopped)
+        # Without a finite derivative of the period map the stability is unknown.
+        status = where(multiplier < math.inf, status, where(status == UNSTABLE, FAILED, status))
+        return where(finite | (status == OVERTURNED), status, FAILED)
+
+    return verdict

@@ -5,7 +5,7 @@ All of them are exact to the first order. Second derivatives are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,11 @@ import numpy as np
 from jax.extend.core import Primitive
 from jax.flatten_util import ravel_pytree
 from jax.interpreters import ad, batching, mlir
+from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
+
+from tpd.compiled.rows import packed
+from tpd.core import checks
 
 
 @jax.custom_jvp
@@ -65,17 +69,34 @@ def moved(
     return jnp.sum(_scaled(slopes, direction, point, keep_zeros=True), axis=-1)
 
 
-def joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
-    """Return `numbers`, each of which depends on the scalars `values` with its own derivatives in `slopes`.
+def primal(values: Sequence[Any]) -> Any:
+    """Return numbers without their tangents as one array.
 
-    The first axis of each item of `slopes` belongs to the values.
+    The array is one of NumPy if no number is traced otherwise, so that no JAX program is needed.
     """
-    if not all(isinstance(x, (float, np.ndarray)) for x in jax.tree.leaves((numbers, slopes))):
-        return _joined(values, numbers, slopes)
+    if all(isinstance(x, float) for x in values):
+        return np.array(values)
+    fixed = [x if checks.is_concrete(x) else stop_gradient(x) for x in values]
+    return np.array(fixed, dtype=float) if all(map(checks.is_concrete, fixed)) else packed(fixed)
+
+
+def joined(values: Sequence[Any], numbers: tuple, slopes: Sequence[Callable[[int], Any]]) -> tuple:
+    """Return `numbers`, which depend on the numbers `values`.
+
+    The derivatives of a number in value i are what its function in `slopes` returns for i.
+    """
+    # Only values that are traced need derivatives.
+    traced = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
+    if not traced:
+        return numbers
+    values = tuple(jnp.asarray(values[i], dtype=jnp.float64) for i in traced)
+    rows = tuple([slope(i) for i in traced] for slope in slopes)
+    if not all(isinstance(x, (float, np.ndarray)) for x in jax.tree.leaves((numbers, rows))):
+        return _joined(values, numbers, rows)
     # JAX creates zero derivatives for all arguments of a function. If nothing is traced and a derivative is
     # taken at once, the numbers are not passed as arguments, which is faster.
     with_rule = jax.custom_jvp(lambda *values: numbers)
-    with_rule.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
+    with_rule.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, rows)))
     return with_rule(*values)
 
 

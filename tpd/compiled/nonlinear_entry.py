@@ -420,13 +420,13 @@ def _steady_state(q, m, w, s, trial, settled, out):
     """
     _settle(q, m, w, s, 0.0, 0.0, trial, settled)
     status = int(settled.status)
-    copy_to(m.y, out.y)
+    copy_to(m.y, out.state)
     out.amplitude, out.swing = settled.settled_tilt, settled.settled_swing
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     out.by[:] = math.nan
     rocks = status in (ROCKING, STICKING) and int(settled.periods) % 2 == 1
-    out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
+    out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.state) else 0.0
 
 
 @compiled

@@ -6,7 +6,7 @@ This module computes all periodic orbits of the exact model: the orbits of runs 
 
 Let P be the map from the state at tau = 0 to the state some periods later. A periodic orbit is y* = P(y*),
 and Newton's step solves (I - DP) dy = P(y) - y. With the parameters p the orbit changes by dy*/dp = (I -
-DP)^-1 dP/dp. `tpd.answers.period_map` has the same rules in JAX, for models that are JAX programs.
+DP)^-1 dP/dp. `tpd.models.period_map` has the same rules in JAX, for models that are JAX programs.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ CYCLE = np.dtype(
     ],
     align=True,
 )
-"""A number of periods of a motion, see `tpd.models.base.Cycle`: the state `end` (NaN if the motion did not
+"""A number of periods of a motion, see `tpd.models.flow.Cycle`: the state `end` (NaN if the motion did not
 arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
 tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
 of Newton's method from its start, in shares of the scales; the largest angles to either side (`peaks`),

@@ -13,18 +13,6 @@ from tpd.core import checks
 from tpd.scene.parameters import NAMES, Parameters
 
 
-def numbers_of(p: Parameters) -> tuple[Any, ...]:
-    """Return the parameters in the order of a row.
-
-    If the inertia ratio or the velocity ratio is None, its value is computed.
-    """
-    # `vars` is used because the attribute access of an equinox module takes five times as long.
-    values = vars(p)
-    if values["rho"] is None or values["e"] is None:
-        values = {**values, "rho": p.inertia_ratio, "e": p.velocity_ratio}
-    return tuple(map(values.__getitem__, NAMES))
-
-
 def row_of(p: Parameters, *, piece: Any = None) -> Any:
     """Return the row of one set of parameters, or the rows of many, shape (..., 9).
 
@@ -34,7 +22,7 @@ def row_of(p: Parameters, *, piece: Any = None) -> Any:
         p: parameters. Arrays among them are broadcast against each other.
         piece: duration of a piece of a ground motion (tau), which replaces the frequency.
     """
-    values = dict(zip(NAMES, numbers_of(p), strict=True))
+    values = dict(zip(NAMES, p.numbers, strict=True))
     if piece is not None:
         values["xi"] = piece
     xp = checks.namespace(*values.values())

@@ -1,4 +1,4 @@
-"""Runs of the exact model and of the nonlinear model: simulation (`follow`) and steady states (`solve`).
+"""Runs of the exact model and of the nonlinear model: `follow` and `solve_steady`.
 
 Runs of NumPy arrays are computed at once, a batch on all cores. JAX may also trace a single run. The compiled
 code runs on the CPU (`tpd.compiled.calling`) and computes its own derivatives.
@@ -6,6 +6,7 @@ code runs on the CPU (`tpd.compiled.calling`) and computes its own derivatives.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -18,12 +19,12 @@ from jax.lax import stop_gradient
 from jaxtyping import Array
 
 from tpd.compiled.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
-from tpd.compiled.columns import RUN, STATUSES, STEADY, TILT_PULL, TILT_RATE, XI
-from tpd.compiled.derivatives import moved, once, refused_in
+from tpd.compiled.columns import RUN, STEADY, TILT_PULL, TILT_RATE, WIDTH, XI
+from tpd.compiled.derivatives import moved, once, primal, refused_in
 from tpd.compiled.rows import packed
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
-from tpd.scene.status import Status, codes_of, status_of
+from tpd.scene.status import Status, status_of
 from tpd.theory.equations import Terms
 
 ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
@@ -122,6 +123,21 @@ class Run(NamedTuple):
     """Smallest rate at which the run crossed an event, divided by the usual rate."""
 
 
+class SteadyNumbers(NamedTuple):
+    """Numbers of a `tpd.answers.steady_state.Steady`, in the order of its fields."""
+
+    amplitude: Any
+    swing: Any
+    status: Any
+    periods: Any
+    multiplier: Any
+    symmetric: Any
+    lyapunov: Any
+    state: Any
+    elapsed: Any
+    estimate: Any = math.nan
+
+
 def run_of(numbers: Any) -> Run:
     """Return a run, or a batch of runs, from records `RUN` of compiled code, or from their numbers."""
     of = vars(parts(numbers, RUN))
@@ -132,8 +148,7 @@ def run_of(numbers: Any) -> Run:
 
 def statuses_of(numbers: Any) -> Status:
     """Return the statuses whose numbers in compiled code are given as floats."""
-    codes = codes_of(STATUSES)
-    return status_of((jnp if isinstance(numbers, jax.Array) else np).asarray(codes)[numbers.astype(int)])
+    return status_of(numbers.astype(np.int32))
 
 
 def follow(
@@ -301,37 +316,40 @@ def _trace_ground_run(
 
 
 Limits = tuple[tuple[str, float | int], ...]
-"""Settings of `solve` as pairs of name and value."""
+"""Settings of `solve_steady` as pairs of name and value."""
 
 
-def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
-    """Return the steady state of a run under a harmonic: a record `tpd.compiled.columns.STEADY` as floats.
+def solve_steady(equations: Terms, values: Sequence[Any], limits: Limits) -> tuple[SteadyNumbers, Any]:
+    """Return the steady state of a run under a harmonic, and the slopes of amplitude, swing and state.
 
     Args:
         equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
             the derivatives are NaN.
-        x: row of parameters, shape (9,).
-        y0: initial state at tau = 0, shape (4,). If `x` and `y0` are NumPy arrays, so is the result, and no
-            JAX program runs.
+        values: parameters and initial state at tau = 0, 13 numbers. If all of them are known, the results are
+            NumPy numbers, and no JAX program runs.
         limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
             the number of periods over which the separation of neighbouring runs is measured. The nonlinear
             equations also need rtol.
     """
-    engine, row, n = _steady_call(equations, limits)
-    if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
-        (out,) = engine((shape(n),), row, x, y0)
-        return out
-    out = np.empty(n)
-    engine.entry().run(0, 1, row, np.ascontiguousarray(x, float), np.ascontiguousarray(y0, float), out)
-    return out
+    engine, settings = _steady_call(equations, limits)
+    x = primal(values)
+    if isinstance(x, np.ndarray):
+        out, xp = np.empty(1, STEADY), np
+        engine.entry().run(0, 1, settings, x[:WIDTH], x[WIDTH:], out)
+        of = parts(out[0], STEADY)
+    else:
+        (out,), xp = engine((shape(numbers_in(STEADY)),), settings, x[:WIDTH], x[WIDTH:]), jnp
+        of = parts(out, STEADY)
+    periods, elapsed = xp.asarray(of.periods, dtype=int), xp.asarray(of.elapsed, dtype=int)
+    rest = periods, of.multiplier, of.symmetric == 1.0, of.lyapunov, of.state, elapsed
+    return SteadyNumbers(of.amplitude, of.swing, xp.asarray(of.status, dtype=np.int32), *rest), of.by
 
 
 @lru_cache(maxsize=8)
-def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray, int]:
-    """Return the compiled code, a row of settings for `solve`, and the length of the result."""
+def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray]:
+    """Return the compiled code and a row of settings for a steady state."""
     engine = ENGINES[equations]
-    row = np.array(engine.settings("STEADY_STATE", **dict(limits)))
-    return engine, row, numbers_in(STEADY)
+    return engine, np.array(engine.settings("STEADY_STATE", **dict(limits)))
 
 
 def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:

@@ -1,7 +1,7 @@
 """The steady state of a run: its periodic orbit, the stability of the orbit, and its derivatives.
 
 Newton's method solves for the orbit on the map of the motion's periods (`tpd.compiled.period_map`). The rules
-are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which all other models use. Only this
+are those of `tpd.answers.steady_state` and `tpd.models.period_map`, which all other models use. Only this
 module also reduces the period of an orbit to the smallest number of forcing periods after which it closes.
 """
 
@@ -18,11 +18,9 @@ from tpd.compiled.columns import (
     AT_REST,
     EVENT_BOUND,
     FAILED,
-    GRAZING,
     GRAZING_STATUS,
     HELD,
     LAST_STEP,
-    NEAR_FOLD,
     NEAR_FOLD_STATUS,
     NEUTRAL,
     NOT_SETTLED,
@@ -35,6 +33,7 @@ from tpd.compiled.columns import (
     TILT_RATE,
     UNSTABLE,
     WIDTH,
+    verdict_with,
 )
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.follow import BEYOND, EXHAUSTED
@@ -105,27 +104,13 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
 
 
 @compiled
-def verdict(outcome, residual, separation, multiplier, to_fold, transversality, neutral):
-    """Return the number of a run's status, from the simulation and from Newton's method.
+def _select(condition, a, b):
+    """Return one of two numbers."""
+    return a if condition else b
 
-    Args:
-        outcome: status at the end of the simulation.
-        residual: residual of the orbit.
-        separation: Lyapunov exponent of a run that did not repeat, per unit of tau.
-        multiplier: modulus of the largest multiplier.
-        to_fold: distance of the nearest multiplier from 1.
-        transversality: smallest transversality of all events.
-        neutral: whether the orbit neither attracts nor repels.
-    """
-    # The statements are in increasing order of priority: each line overrules the lines above it. Stability
-    # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
-    moving = outcome in (ROCKING, STICKING)
-    status = UNSTABLE if moving and multiplier > 1.0 else outcome
-    status = NEUTRAL if moving and neutral else status
-    status = GRAZING_STATUS if moving and transversality < GRAZING else status
-    status = NEAR_FOLD_STATUS if moving and to_fold < 2.0 * NEAR_FOLD else status
-    status = NOT_SETTLED if moving and not residual < RESIDUAL else status
-    return APERIODIC_STATUS if separation > APERIODIC else status
+
+verdict = compiled(verdict_with(_select))
+"""The verdict on a steady state in compiled code."""
 
 
 @compiled
@@ -182,7 +167,7 @@ def steady_state(x, y0, s, near, buffers, out):
     orbit need not be stable, and it has derivatives in that case as well.
     """
     q, m, w, r = records_of(buffers)
-    c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.y, 0.0
+    c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.state, 0.0
     roots = out.multipliers
     # All numbers stay NaN, and the status failed, until they get a value.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
@@ -241,14 +226,10 @@ def steady_state(x, y0, s, near, buffers, out):
         if outcome != NOT_SETTLED:
             settled.settled_tilt, settled.settled_swing = c.amplitude, c.swing
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
-    status = verdict(outcome, residual, separation, multiplier, to_fold, c.transversality, neutral)
-    # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
-    # simulated, unless it has more events than allowed.
-    endless = q.zeta > 0.0 and not math.isfinite(residual)
-    status = EVENT_BOUND if outcome == AT_REST and endless else status
-    # Without a finite derivative of the period map the stability is unknown.
-    unknown = status == UNSTABLE and not math.isfinite(multiplier)
-    status = FAILED if unknown or not (is_finite(y) or status == OVERTURNED) else status
+    # A run that did not repeat may separate from its neighbours.
+    outcome = APERIODIC_STATUS if separation > APERIODIC else outcome
+    state = NO, q.zeta > 0.0, is_finite(y)
+    status = verdict(outcome, residual, multiplier, to_fold, c.transversality, neutral, *state)
     # Friction also holds the block at slightly different tilts, so that the multiplier is 1.
     multiplier = 1.0 if status == HELD else multiplier
     rests, rocks = status == AT_REST, status in (ROCKING, STICKING)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Limits, Run, follow
+from tpd.compiled.simulate import HarmonicForcing, Limits, Run, SteadyNumbers, follow, solve_steady
 from tpd.compiled.trajectories import trajectory
 from tpd.scene.parameters import Parameters
-from tpd.scene.pytrees import Number, State
+from tpd.scene.pytrees import State
 from tpd.scene.status import Status
 from tpd.theory.equations import Terms
 
@@ -30,27 +30,6 @@ def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) ->
     # before it calls `__check_init__`.
     convert = lambda value: check(name, value, *bounds)  # noqa: E731
     return eqx.field(converter=convert, default=default, static=True, kw_only=True)
-
-
-class Cycle(eqx.Module):
-    """Period of a motion. All numbers can be differentiated in forward mode."""
-
-    end: State
-    """State at the end of the period."""
-    amplitude: Number
-    """Largest |phi| of the period, rad."""
-    swing: Number
-    """Largest |psi| of the period, rad."""
-    memory: Any
-    """Discrete state at the end of the period, see `Run.memory`."""
-    transversality: Number
-    """Smallest rate at which the motion crosses an event, divided by the usual rate. It is 0 if the motion
-    grazes an event, and infinite for a model without events."""
-    asymmetry: Number
-    """Difference between the largest tilts to the two sides, divided by the amplitude."""
-    closed: Bool[Array, ""]
-    """Whether the discrete mode at the end equals the mode at the beginning. Always true for a model without
-    modes."""
 
 
 class AbstractChoice(eqx.Module):
@@ -74,6 +53,13 @@ class AbstractModel(eqx.Module):
     @abstractmethod
     def settle(self, p: Parameters, y0: State) -> Run:
         """Follow the motion from the state `y0` at tau = 0 until it repeats."""
+
+    @abstractmethod
+    def solve_steady(self, values: Sequence[Any]) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 9) of amplitude, swing and state.
+
+        `values` are the nine parameters and the four numbers of the initial state.
+        """
 
     @abstractmethod
     def trajectory(
@@ -119,39 +105,12 @@ class AbstractCompiled(AbstractModel):
         settings = {**self.accuracy, "tolerance": self.tolerance}
         return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
 
+    def solve_steady(self, values: Sequence[Any]) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 9) of amplitude, swing and state."""
+        return solve_steady(self.equations, values, self.limits)
+
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
     ) -> tuple[Float[Array, "times 4"], Status]:
         """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
         return trajectory(self.equations, p, y0, times, **self.accuracy)
-
-
-class AbstractFlow(AbstractModel):
-    """A model whose motions are followed and differentiated by JAX programs.
-
-    `tpd.models.settling` decides when such a motion has settled, and `tpd.answers.period_map` computes its
-    periodic orbit and the derivatives of the orbit.
-    """
-
-    @property
-    @abstractmethod
-    def round_off(self) -> float:
-        """Residual of the period map, relative to the scale of the state, that is due to rounding."""
-
-    @abstractmethod
-    def resolution(self, p: Parameters) -> Number:
-        """Return the largest |phi| (rad) that the model cannot distinguish from rest."""
-
-    def settle_exactly(self, p: Parameters, y0: State) -> Run | None:
-        """Return the motion that the same equations without smoothing reach from `y0`.
-
-        The result is None if the model smooths nothing, or if its equations can be solved only with
-        smoothing. It is not differentiated.
-        """
-        # This is the answer of a model that smooths nothing. `Smoothed` overrides it.
-        del p, y0
-        return None
-
-    @abstractmethod
-    def cycle(self, p: Parameters, settled: Run, y: State) -> Cycle:
-        """Follow `settled.periods` forcing periods from the state `y` at tau = 0."""

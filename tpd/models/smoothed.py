@@ -17,7 +17,8 @@ from tpd.compiled.columns import SWING, TILT, TILT_RATE
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
-from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
+from tpd.models.base import MOST_PERIODS, setting
+from tpd.models.flow import AbstractFlow, Cycle
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Parameters

@@ -112,6 +112,12 @@ class Parameters:
         return housner(self.nu, self.inertia_ratio, self.mu) if self.e is None else self.e
 
     @property
+    def numbers(self) -> tuple[Any, ...]:
+        """Numbers of the equations in the order of the fields, with `inertia_ratio` and `velocity_ratio`."""
+        values = {**vars(self), "rho": self.inertia_ratio, "e": self.velocity_ratio}
+        return tuple(map(values.__getitem__, NAMES))
+
+    @property
     def hinge(self) -> Number:
         """Coefficient of the hinge c_p = 2 zeta sqrt(lam rho)."""
         inertia = self.lam * self.inertia_ratio

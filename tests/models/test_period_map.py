@@ -7,8 +7,8 @@ import pytest
 
 from tests.reference import WITH, differences, parameters, smoothed
 from tpd import Smoothed
-from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
-from tpd.compiled.rows import numbers_of, packed
+from tpd.compiled.rows import packed
+from tpd.models.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.scene.parameters import from_row
 from tpd.scene.status import index_of
 
@@ -18,7 +18,7 @@ CASE = WITH[0]
 @jax.jit
 def refined(x):
     """Return the orbit of the smoothed model from the rough end of a short motion."""
-    p = from_row(packed(numbers_of(parameters(x))))
+    p = from_row(packed(parameters(x).numbers))
     model = Smoothed(tolerance=1e-3, max_periods=60, cycle_rtol=1e-11)
     return refine(p, model, model.settle(p, jnp.zeros(4)), index_of("rocking"))
 

@@ -15,12 +15,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from tpd.compiled.columns import LAST_STEP, NEWTON_STEPS, RESIDUAL
+from tpd.compiled.columns import AT_REST, LAST_STEP, NEWTON_STEPS, RESIDUAL, ROCKING, STICKING
 from tpd.compiled.simulate import Run
-from tpd.models.base import AbstractFlow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
-from tpd.scene.status import index_of
 
 
 class Orbit(NamedTuple):
@@ -61,7 +59,7 @@ _Along = Callable[[Any, Any], tuple[Orbit, Any]]
 
 def is_rocking(status: Any) -> Any:
     """Whether the number of a status belongs to a block that moves on an attracting orbit."""
-    return (status == index_of("rocking")) | (status == index_of("sticking"))
+    return (status == ROCKING) | (status == STICKING)
 
 
 def _where(condition: Any, a: Any, b: Any) -> Any:
@@ -82,7 +80,7 @@ class _Iteration(NamedTuple):
     """Number of steps so far."""
 
 
-def refine(p: Parameters, model: AbstractFlow, reached: Run, code: Any) -> Orbit:
+def refine(p: Parameters, model: Any, reached: Run, code: Any) -> Orbit:
     """Solve for the periodic orbit near the motion that following has reached.
 
     Args:
@@ -93,7 +91,7 @@ def refine(p: Parameters, model: AbstractFlow, reached: Run, code: Any) -> Orbit
     """
     run = _linearised(p, model, reached)
     # A motion that overturns or does not repeat has no orbit to solve for.
-    has_orbit = is_rocking(code) | (code == index_of("rest"))
+    has_orbit = is_rocking(code) | (code == AT_REST)
 
     def goes_on(w: _Iteration) -> Any:
         return has_orbit & (w.steps < NEWTON_STEPS) & (w.best.error > model.round_off)
@@ -108,14 +106,15 @@ def refine(p: Parameters, model: AbstractFlow, reached: Run, code: Any) -> Orbit
         return _Iteration(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
     # Before the first run the error is infinite, so that every run is better.
-    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([reached.settled_tilt, reached.settled_swing])
-    rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
-    none = Orbit(reached.state, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
+    infinite, sizes = jnp.full((), jnp.inf), jnp.stack([reached.settled_tilt, reached.settled_swing])
+    ends = jnp.full(4, jnp.inf), sizes, jnp.full((6, 9), jnp.inf), jnp.full((6, 4), jnp.inf)
+    rest = infinite, *ends, infinite, infinite
+    none = Orbit(reached.state, *rest, jnp.ones((), bool), jnp.zeros(4), infinite)
     first = _Iteration(reached.state, reached.memory, none, jnp.zeros((), int))
     return jax.lax.while_loop(goes_on, step, first).best
 
 
-def _linearised(p: Parameters, model: AbstractFlow, settled: Run) -> _Along:
+def _linearised(p: Parameters, model: Any, settled: Run) -> _Along:
     """Return a function that runs the periods of a motion from a state, with all derivatives (traced)."""
     flat, unflatten = ravel_pytree(p)
     # The angle and the rate of the bob count for the residual if the block feels them, or if they decay.
