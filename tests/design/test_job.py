@@ -250,38 +250,27 @@ def test_an_option_that_chooses_records_drops_the_harmonic_keys_of_a_file():
     assert harmonic["excitation"] == {"amplitude": 0.02, "kind": "harmonic"}
 
 
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"excitation": {"scales": [2]}}, "`excitation.scales` requires a pulse or records, which this job"),
-        (
-            {"excitation": {**RECORDS, "amplitude": 0.1}},
-            "keys of records (`records`) and of a harmonic motion (`am",
-        ),
-        (
-            {"excitation": {**RECORDS, "kind": "harmonic"}},
-            "`excitation.records` requires records, which this job",
-        ),
-        ({"excitation": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` requires a harmonic motion"),
-        (
-            {"excitation": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}},
-            "`excitation.cycles` requires the",
-        ),
-        ({"excitation": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
-        (
-            {"excitation": {"pulse": "ricker", "pulse_frequency": 1}},
-            "`pga`, the peak acceleration of the pulse in g, is missing",
-        ),
-        (
-            {"excitation": {"pulse": "ricker"}},
-            "a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p",
-        ),
-        ({"excitation": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
-        ({"limits": {"tilt": True}}, "[limits] `tilt` must be a number or false, but is true"),
-    ],
-)
-def test_keys_without_effect_and_misspelt_keys_are_refused_in_one_sentence(given, sentence):
-    assert sentence in str(refusal(given))
+REFUSED = r"""
+excitation.scales = [2] | `excitation.scales` requires a pulse or records, which this job
+excitation = {RECORDS, amplitude = 0.1} | keys of records (`records`) and of a harmonic motion (`am
+excitation = {RECORDS, kind = "harmonic"} | `excitation.records` requires records, which this job
+excitation = {RECORDS}; limits.reserve = 0.1 | `limits.reserve` requires a harmonic motion
+excitation = {PULSE, cycles = 3} | `excitation.cycles` requires the
+excitation = {pulse = "rickr", pulse_frequency = 1} | but is 'rickr'; did you mean `ricker`?
+excitation = {PULSE} | `pga`, the peak acceleration of the pulse in g, is missing
+excitation = {pulse = "ricker"} | a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p
+excitation.kind = "record" | but is 'record'; did you mean `records`?
+limits.tilt = true | [limits] `tilt` must be a number or false, but is true
+"""
+"""Jobs, and a part of the sentence that rejects each."""
+
+
+@pytest.mark.parametrize("line", REFUSED.strip().splitlines())
+def test_keys_without_effect_and_misspelt_keys_are_refused_in_one_sentence(line):
+    text, sentence = line.split(" | ")
+    text = text.replace("RECORDS", 'records = ["el-centro", "loma-prieta"], scales = [2.0, 3.0]')
+    text = text.replace("PULSE", 'pulse = "ricker", pulse_frequency = 1')
+    assert sentence in str(refusal(tomllib.loads(text.replace("; ", "\n"))))
 
 
 def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search():
