@@ -40,8 +40,8 @@ QUESTION = "Does a test of the module notice if one operator, constant or condit
 SEED = 1
 PLACES = 300
 FOLDERS = ("design", "answers", "scene", "report", "theory", "formats")
-ALSO: dict[str, tuple[str, ...]] = {}
-"""Further tests of modules, such as tests/properties/test_harmonic.py."""
+ALSO = {"formats/text": ("tests/formats/test_table.py",)}
+"""Further tests of modules."""
 WITHOUT_EFFECT = {"stacklevel", "strict", "repr", "figsize"}
 """Arguments of calls that no test can be expected to notice: `strict` of `zip` checks the package itself."""
 EQUIVALENT: dict[tuple[str, str, str], str] = {

@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.formats.reader import check, read
 from tests.formats.synthetic import G, peer, shaking
-from tpd.formats.text import UnreadableRecord
+from tpd.formats.text import NoAcceleration, UnreadableRecord
 
 
 def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
@@ -265,6 +265,7 @@ UNDERSTOOD = {
         in_table("unit: m/s2", "time (s),acc (NS),acc (EW),acc (UD)", columns=3),
         [(0.01, 1.0, "NS"), (0.01, 2.0, "EW"), (0.01, 3.0, "UD", UP)],
     ),
+    "times with a capital letter": (in_table("T (s),acc (g)"), [(0.01, 9.80665, "", UNKNOWN)]),
     "processing": (in_table("time (s),acc V2 (m/s2)"), [(0.01, 1.0, "", UNKNOWN)]),
     "step in words": (
         in_table("Station X", "DT(sec)=0.005", "Acceleration (g)", times=""),
@@ -369,6 +370,12 @@ NOT_UNDERSTOOD = {
     ),
     "numbers of columns": ("1,2\nt (s),a (g)", "line 1 has '1', .*: skip=1, factor='FACTOR'$"),
 }
+
+
+def test_a_damaged_motion_is_not_a_file_without_motion(tmp_path):
+    with pytest.raises(UnreadableRecord, match="line 3 must contain numbers") as caught:
+        read(tmp_path, "t (s),a (g)\n0.00,0.1\n0.01,x\n0.02,0.2\n")
+    assert not isinstance(caught.value, NoAcceleration)
 
 
 @pytest.mark.parametrize("name", NOT_UNDERSTOOD)
