@@ -71,6 +71,8 @@ class NoisyProblem(Problem):
 
     attempts: ClassVar[int] = 3
     has_validation_runs: ClassVar[bool] = True
+    has_earthquakes: ClassVar[bool] = False
+    excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0
     """Share of the runs without an answer."""
@@ -105,6 +107,9 @@ class NoisyProblem(Problem):
     def tilt(self, design) -> float:
         """Mean tilt over nu without noise."""
         return float(0.2 + 0.5 * np.sum((SPACE.scaled(np.asarray(design)) - [0.6, 0.5, 0.4]) ** 2))
+
+    def isolation(self):
+        return np.array([1.0]), 0.0
 
     @property
     def at_rest(self) -> AtRest:

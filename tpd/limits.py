@@ -13,8 +13,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
@@ -50,6 +51,8 @@ THICKNESS = "thickness"
 """Name of the size: half the height of the bob over the largest share of its rod."""
 DEPTH = "depth"
 """Name of the size: depth of the lower end of the bob below the hinge over the height of the block."""
+_RIGHT_ANGLE = 0.5 * np.pi, "a right angle in rad"
+"""Largest angle of a limit. At pi/2 the bob is level with its hinge."""
 _LEAST_TILT = 0.02
 """Tilt as a share of nu that a pendulum may always leave. Without this value, a block that rests or almost
 rests without a pendulum would reject every design."""
@@ -177,15 +180,21 @@ class Limit(_Sized):
     unit: ClassVar[str] = ""
     """Unit of the number in a report."""
 
-    def set_number(self, field: str, check: Callable[[str, object], Any] = checks.positive) -> float:
-        """Replace the value of a field by the result of a check, and return it. Messages use the name of the
-        limit."""
-        object.__setattr__(self, field, check(self.name, getattr(self, field)))
-        return getattr(self, field)
 
-    def set_angle(self) -> None:
-        """Check that `angle` is positive and at most pi/2. At pi/2 the bob is level with its hinge."""
-        checks.at_most(self.name, self.set_number("angle"), 0.5 * np.pi, "a right angle in rad")
+@dataclass(frozen=True)
+class _OneNumber(Limit):
+    """Limit that has one number. Messages about the number use the name of the limit."""
+
+    check: ClassVar[Callable[[str, object], Any]] = staticmethod(checks.positive)
+    """Check of the number, which returns it."""
+    most: ClassVar[tuple[float, str]] = (np.inf, "")
+    """Largest number, and its meaning."""
+
+    def __post_init__(self) -> None:
+        (field,) = fields(self)
+        number = self.check(self.name, getattr(self, field.name))
+        object.__setattr__(self, field.name, number)
+        checks.at_most(self.name, number, *self.most)
 
 
 @dataclass(frozen=True)
@@ -230,7 +239,7 @@ class SteadyTilt(Objective):
 
 
 @dataclass(frozen=True)
-class Stroke(Limit):
+class Stroke(_OneNumber):
     """Largest settled bob angle |psi| from the vertical, rad, at most pi/2. Beyond about 0.5 rad the linear
     equations are inaccurate.
 
@@ -244,9 +253,7 @@ class Stroke(Limit):
     """Largest bob angle, rad."""
     name: ClassVar[str] = "stroke"
     unit: ClassVar[str] = "rad"
-
-    def __post_init__(self) -> None:
-        self.set_angle()
+    most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the bob angle over the limit."""
@@ -254,7 +261,7 @@ class Stroke(Limit):
 
 
 @dataclass(frozen=True)
-class RelativeStroke(Limit):
+class RelativeStroke(_OneNumber):
     """Largest settled angle |psi - phi| between bob and block, rad, at most pi/2. The search limits the sum
     of the largest bob angle and the largest tilt, which is an upper bound.
 
@@ -269,9 +276,7 @@ class RelativeStroke(Limit):
     name: ClassVar[str] = "relative_stroke"
     label: ClassVar[str] = "relative stroke"
     unit: ClassVar[str] = "rad"
-
-    def __post_init__(self) -> None:
-        self.set_angle()
+    most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the angle between rod and block over the limit."""
@@ -279,7 +284,7 @@ class RelativeStroke(Limit):
 
 
 @dataclass(frozen=True)
-class Tilt(Limit):
+class Tilt(_OneNumber):
     """Largest settled tilt |phi|, as a share of nu, at most 1. At nu the block stands on its corner.
 
     Example:
@@ -292,9 +297,7 @@ class Tilt(Limit):
     """Largest tilt over nu."""
     name: ClassVar[str] = "tilt"
     unit: ClassVar[str] = "of nu"
-
-    def __post_init__(self) -> None:
-        checks.at_most(self.name, self.set_number("share"), 1.0, "a block that stands on its corner")
+    most: ClassVar[tuple[float, str]] = 1.0, "a block that stands on its corner"
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over the limit."""
@@ -302,7 +305,7 @@ class Tilt(Limit):
 
 
 @dataclass(frozen=True)
-class Mass(Limit):
+class Mass(_OneNumber):
     """Largest mass of the bob as built, kg. If no body swings like the point pendulum, the mass of the point.
 
     Example:
@@ -317,9 +320,6 @@ class Mass(Limit):
     label: ClassVar[str] = "mass (bob as built)"
     unit: ClassVar[str] = "kg"
 
-    def __post_init__(self) -> None:
-        self.set_number("kg")
-
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the mass of the body over the limit, with the nominal mass under all conditions."""
         # The tolerance of the mass is not part of the limit.
@@ -327,7 +327,7 @@ class Mass(Limit):
 
 
 @dataclass(frozen=True)
-class Offset(Limit):
+class Offset(_OneNumber):
     """Largest distance of the centre of the settled bob, as built, from the axis of the block, m.
 
     Example:
@@ -341,9 +341,6 @@ class Offset(Limit):
     name: ClassVar[str] = "offset"
     label: ClassVar[str] = "offset (bob from the axis)"
     unit: ClassVar[str] = "m"
-
-    def __post_init__(self) -> None:
-        self.set_number("distance")
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the distance l sin(angle) from the axis over the limit."""
@@ -396,7 +393,7 @@ class Clearance(Limit):
 
 
 @dataclass(frozen=True)
-class Worsening(Limit):
+class Worsening(_OneNumber):
     """Largest relative increase of the settled tilt under any condition, compared with the block without a
     pendulum. The limit has no effect under conditions in which that block rests, overturns or has no known
     settled motion.
@@ -413,9 +410,7 @@ class Worsening(Limit):
     label: ClassVar[str] = "worsening (compared with no pendulum)"
     unit: ClassVar[str] = "of the tilt without pendulum"
     of_motion: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        self.set_number("share", checks.not_negative)
+    check = staticmethod(checks.not_negative)
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over the largest tilt that the limit allows."""
@@ -428,7 +423,7 @@ class Worsening(Limit):
 
 
 @dataclass(frozen=True)
-class Multiplier(Limit):
+class Multiplier(_OneNumber):
     """Largest modulus of the Floquet multipliers, below 1. This limit has no derivative, so that a search
     stops at it and does not move along it. `Reserve` has a derivative.
 
@@ -442,9 +437,7 @@ class Multiplier(Limit):
     """Largest modulus."""
     name: ClassVar[str] = "multiplier"
     of_motion: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        self.set_number("largest", lambda name, value: checks.within(name, value, 1e-6, 1.0))
+    check = staticmethod(partial(checks.within, low=1e-6, high=1.0))
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the modulus over the limit."""
@@ -452,7 +445,7 @@ class Multiplier(Limit):
 
 
 @dataclass(frozen=True)
-class Reserve(Limit):
+class Reserve(_OneNumber):
     """Smallest distance of a symmetric orbit from the bifurcation at which it stops attracting (fold, loss of
     symmetry or torus). Without this limit a search over orbits ends at the boundary of stability.
 
@@ -466,9 +459,6 @@ class Reserve(Limit):
     """Smallest distance."""
     name: ClassVar[str] = "reserve"
     of_motion: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        self.set_number("least")
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return a size that is at most 1 if the reserve is at least `least`."""
@@ -502,21 +492,23 @@ DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Clearance(), Worsening(), Reserve
 """Default limits under harmonic excitation."""
 
 
-def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
+_L = TypeVar("_L", bound=Limit)
+
+
+def limit_of(limits: tuple[Limit, ...], kind: type[_L]) -> _L | None:
     """Return the limit of a kind, or None."""
     return next((limit for limit in limits if isinstance(limit, kind)), None)
 
 
 def bob_of(limits: tuple[Limit, ...]) -> Bob:
     """Return the bob as a body: that of the limit `Clearance`, or by default a ball of steel."""
-    clearance = limit_of(limits, Clearance)
-    return clearance.bob if isinstance(clearance, Clearance) else Bob()
+    return (limit_of(limits, Clearance) or Clearance()).bob
 
 
 def stroke_limit(limits: tuple[Limit, ...]) -> float:
     """Return the largest settled |psi| that is allowed, rad; infinite without such a limit."""
-    limit = limit_of(limits, Stroke)
-    return limit.angle if isinstance(limit, Stroke) else np.inf
+    stroke = limit_of(limits, Stroke)
+    return np.inf if stroke is None else stroke.angle
 
 
 def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
@@ -533,8 +525,7 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     for limit in listed:
         if not isinstance(limit, Limit):
             raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.shown(limit)}")
-        # The fields of the dataclass distinguish two searches, and the name appears in reports.
-        if "__dataclass_fields__" not in vars(type(limit)) or not hasattr(limit, "name"):
+        if not _is_complete(limit):
             raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
     kinds = [type(limit) for limit in listed]
     for kind in kinds:
@@ -553,14 +544,17 @@ def check_objective(objective: object) -> Objective:
         ValueError: the objective is not an object of a dataclass with a `name` that is a subclass of
             `Objective`.
     """
-    # The fields of the dataclass distinguish two searches, and the name appears in reports.
-    is_complete = "__dataclass_fields__" in vars(type(objective)) and hasattr(objective, "name")
-    if isinstance(objective, Objective) and is_complete:
+    if isinstance(objective, Objective) and _is_complete(objective):
         return objective
     raise ValueError(
         "`objective` must be an object of a dataclass with a `name` that is a subclass of "
         f"`tpd.limits.Objective`, but is {checks.shown(objective)}"
     )
+
+
+def _is_complete(sized: _Sized) -> bool:
+    # The fields of the dataclass distinguish two searches, and the name appears in reports.
+    return "__dataclass_fields__" in vars(type(sized)) and hasattr(sized, "name")
 
 
 def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:

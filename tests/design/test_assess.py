@@ -9,7 +9,7 @@ import pytest
 import tpd
 from tests import designs
 from tests.design.conftest import SCENE
-from tpd.design.assess import alternatives, isolation_period, problem_alone
+from tpd.design.assess import alternatives, problem_alone
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
 from tpd.records.intensity import spectral_acceleration
@@ -142,11 +142,6 @@ def test_each_record_counts_at_its_own_size():
     for period, motion in zip(periods, (weak, strong), strict=True):
         assert spectral_acceleration(motion, period) == pytest.approx(level, rel=1e-3)
     assert periods[0] < periods[1]
-
-
-@pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
-def test_a_spectrum_below_or_above_an_acceleration_everywhere_has_no_root(acceleration, expected):
-    assert isolation_period(tpd.records.el_centro(), acceleration) == expected
 
 
 def test_records_of_the_validation_count_for_the_block_at_rest():

@@ -1,6 +1,7 @@
 """Problems under ground motions: groups of whole earthquakes, single motions, and what is no harmonic."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import tpd
 from tests.designs import BLOCK, GROUND, noise, records
 from tpd.core.progress import unreported
-from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, motion_factors
+from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 from tpd.scene.ground_motion import earthquakes_of, events_of
@@ -251,3 +252,8 @@ def test_the_order_of_the_records_changes_nothing(names):
         assert numbers[0] == pytest.approx(numbers[1], rel=1e-12)
     tilts = (np.sort(d.runs.with_pendulum.tilt) for d in found)
     np.testing.assert_array_equal(*tilts)
+
+
+@pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
+def test_a_spectrum_below_or_above_an_acceleration_everywhere_has_no_root(acceleration, expected):
+    assert isolation_period(tpd.records.el_centro(), acceleration) == expected

@@ -8,6 +8,7 @@ import pytest
 import tpd
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired
 from tpd.answers.paired import PairedRuns
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
 from tpd.limits import Requirements
@@ -223,6 +224,8 @@ def test_more_overturning_from_rest_by_the_exact_solution_is_a_reason():
             lost, total = (0, self.count) if design is None else (self.seed, self.count)
             status = np.where(np.arange(total) < lost, "overturned", "rocking")
             return type("Motions", (), {"status": status})
+
+        harm_from_rest = HarmonicProblem.harm_from_rest
 
     for lost, total, harm in ((8, 8, True), (2, 8, False), (1, 1, True)):
         given = NoisyProblem.of(limits=()).inputs

@@ -14,7 +14,6 @@ from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
-from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -84,7 +83,7 @@ def _check_by_models(
     """
     table: list[str] = []
     # The table of models is about one harmonic motion; there is none for pulses and records.
-    if isinstance(problem, HarmonicProblem):
+    if problem.settles:
         limit = stroke_limit(job.limits)
         checked = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar)
         # The last line explains the columns; the others are rows, which are not wrapped.
@@ -111,10 +110,10 @@ def _check_by_models(
         ]
         if runs.undecided:
             sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
-        # Ground motions have groups: those of the search, and those that were kept for validation.
-        if runs.cluster is not None:
-            sentences += [words.group(part) for part in runs.parts]
-            sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
+        # Each group of ground motions has its part of the runs: those of the search, and those that were
+        # kept for the validation.
+        sentences += [words.group(part) for part, _ in zip(runs.parts, problem.groups, strict=False)]
+        sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
     verdict = answer.verdict_lines(validation.status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
     return [*table, *before, "", *after], validation.status.is_sound

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import root_scalar
 
 from tpd.answers.motion_history import sliding
 from tpd.answers.run_table import Runs, follow_scaled
@@ -17,25 +16,19 @@ from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
 from tpd.core.formatting import Printed, compared, ends, number, percent
 from tpd.core.progress import Progress, shown, unreported
+from tpd.design.ground_motion import PERIODS
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.validate import run_seed
-from tpd.records.intensity import SPECTRAL_DAMPING, spectral_acceleration
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import GroundMotion, events_of
+from tpd.scene.ground_motion import events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import SLIDES, AtRest
 
 _SHARE = "validation_share"
 """Argument of `optimise` that divides the ground motions."""
-_PERIODS = 0.05, 8.0
-"""Shortest and longest period (s) of a base isolation under ground motions."""
-_STEP, _STEEPEST = 0.02, 20.0
-"""Smallest step between two periods, relative, and largest slope of the logarithm of a response spectrum over
-the logarithm of the period that the steps allow for. With 5 % damping the slope is at most 10 near a
-resonance."""
 
 
 class Alternatives(NamedTuple):
@@ -70,7 +63,7 @@ class Alternatives(NamedTuple):
 
     def _isolation(self, period: float) -> str:
         if not math.isfinite(period):
-            return f"more than {_PERIODS[1]:g} s"
+            return f"more than {PERIODS[1]:g} s"
         return f"at least {_at_least(period)} s (displacement {_at_least(self.displacement(period))} m)"
 
     def __str__(self) -> str:
@@ -96,37 +89,11 @@ def _at_least(x: float) -> str:
 def alternatives(problem: Problem) -> Alternatives:
     """Estimate what keeps the block of a problem on its base without a pendulum."""
     block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
-    lifts, damping = alone.uplift * gravity, SPECTRAL_DAMPING
-    if not problem.settles:
-        # The levels of a motion follow each other, and the last one is the strongest.
-        levels = max(1, len(problem.levels))
-        motions = problem.stated_motions[levels - 1 :: levels]
-        periods = np.array([isolation_period(motion, lifts) for motion in motions])
-    else:
-        lowest = float(problem.scene.excitation.frequency * np.min(problem.conditions.column("frequency")))
-        periods, damping = np.array([math.sqrt(1.0 + alone.peak / alone.uplift) / lowest]), 0.0
+    lifts = alone.uplift * gravity
+    periods, damping = problem.isolation()
     tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
     width = float(block.height) * (alone.peak - float(block.friction))
     return Alternatives(tie, width, alone.peak, periods, damping, lifts)
-
-
-def isolation_period(motion: GroundMotion, acceleration: float) -> float:
-    """Return the period (s) from which on the response spectrum of a motion stays below an acceleration
-    (m/s^2); infinite if it is above at 8 s, and 0 if it is below at all periods."""
-    shortest, period = _PERIODS
-
-    def excess(t: float) -> float:
-        return math.log(spectral_acceleration(motion, t) / acceleration)
-
-    if (above := excess(period)) > 0.0:
-        return math.inf
-    # A spectrum may fall and rise again, so that the search begins at the longest period. Far below the
-    # acceleration its steps may be longer.
-    while period > shortest:
-        longer, period = period, period / (1.0 + max(_STEP, -above / _STEEPEST))
-        if (above := excess(period)) > 0.0:
-            return float(root_scalar(excess, bracket=(period, longer), xtol=1e-4).root)
-    return 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -163,15 +130,14 @@ class Assessment(Printed):
         the blocks that vary, at each level of the excitation."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
-        problem, is_ground = self.problem, not self.problem.settles
+        problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
-        begin = "from rest with" if is_ground else "with random initial states and"
-        varied = f"{'Runs' if is_ground else 'Validation runs'} {begin} {scatter}"
+        varied = f"{problem.begin_of_runs} {scatter}"
         lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
             # The conditions of a harmonic are no sample, so that their share has no interval.
-            is_sample = is_ground or runs is self.runs
+            is_sample = problem.has_earthquakes or runs is self.runs
             for at, rows in levels.items() or [("", slice(None))]:
                 lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")
         lines.append(sliding(problem.scene, problem.stated_motions))

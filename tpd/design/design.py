@@ -157,6 +157,11 @@ class Design(Printed):
         )
 
     @property
+    def paths(self) -> tuple[np.ndarray, ...]:
+        """Designs (mu, lam, zeta) along each descent, each (steps, 3); empty under ground motions."""
+        return () if self.search is None else self.search.paths
+
+    @property
     def at_bounds(self) -> list[str]:
         """Words for the bounds of the design space that the best design lies on. A better design may exist
         beyond these bounds."""
@@ -219,11 +224,7 @@ class Design(Printed):
         """
         if self.pendulum is None or self.best is None:
             return 0.0
-        exact, in_runs = self.best.exact, self.problem.reached(self.rod_angle)
-        # The exact solution has the settled angles of one orbit per condition. Without an attracting orbit
-        # the swing is not finite, and is left out.
-        swings = [] if exact is None else [*exact.settled_swing, *exact.orbits.swing[0]]
-        return float(max(filter(math.isfinite, swings), default=in_runs))
+        return self.problem.drawn_swing(self.best.exact, self.problem.reached(self.rod_angle))
 
     @cached_property
     def usage(self) -> dict[str, float]:

@@ -8,6 +8,7 @@ search or in the validation. Runs of one earthquake are not independent observat
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,6 +16,7 @@ from itertools import chain, compress
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
@@ -31,7 +33,7 @@ from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
-from tpd.records.intensity import intensity_of
+from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
@@ -62,6 +64,12 @@ quantities that vary."""
 _EVENTS = 20_000
 """Largest number of events of a trial run, in addition to one for each piece of the motion. This is
 sufficient also for a bob that swings for a long time."""
+PERIODS = 0.05, 8.0
+"""Shortest and longest period (s) of a base isolation under ground motions."""
+_STEP, _STEEPEST = 0.02, 20.0
+"""Smallest step between two periods, relative, and largest slope of the logarithm of a response spectrum over
+the logarithm of the period that the steps allow for. With 5 % damping the slope is at most 10 near a
+resonance."""
 
 
 class Role(enum.Enum):
@@ -100,6 +108,8 @@ class GroundMotionProblem(Problem):
     # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
+    has_earthquakes: ClassVar[bool] = True
+    begin_of_runs: ClassVar[str] = "Runs from rest with"
 
     @staticmethod
     def of(
@@ -224,6 +234,20 @@ class GroundMotionProblem(Problem):
         # The excitation of a condition is the peak of its motion times its factor.
         rows = np.concatenate([self._rows(_MASSLESS, self.scene, case) for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
+
+    @property
+    def excitation_in_words(self) -> str:
+        """See `Problem.excitation_in_words`."""
+        return f"ground motions from rest ({', '.join(f'{g.name}: {len(g.motions)}' for g in self.groups)})"
+
+    def isolation(self) -> tuple[np.ndarray, float]:
+        """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
+        acceleration."""
+        lifts = self.at_rest.uplift * float(self.scene.gravity)
+        # The levels of a motion follow each other, and the last one is the strongest.
+        levels = len(self._scales)
+        motions = self.stated_motions[levels - 1 :: levels]
+        return np.array([isolation_period(motion, lifts) for motion in motions]), SPECTRAL_DAMPING
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: the candidates are spread over the design space."""
@@ -379,6 +403,25 @@ def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
     # A scale is a value of the intensity, which is proportional to the motion.
     one = np.array([measure.value(m) for m in conditions.motions])
     return conditions.column("amplitude") / one[np.asarray(conditions.which)]
+
+
+def isolation_period(motion: GroundMotion, acceleration: float) -> float:
+    """Return the period (s) from which on the response spectrum of a motion stays below an acceleration
+    (m/s^2); infinite if it is above at 8 s, and 0 if it is below at all periods."""
+    shortest, period = PERIODS
+
+    def excess(t: float) -> float:
+        return math.log(spectral_acceleration(motion, t) / acceleration)
+
+    if (above := excess(period)) > 0.0:
+        return math.inf
+    # A spectrum may fall and rise again, so that the search begins at the longest period. Far below the
+    # acceleration its steps may be longer.
+    while period > shortest:
+        longer, period = period, period / (1.0 + max(_STEP, -above / _STEEPEST))
+        if (above := excess(period)) > 0.0:
+            return float(root_scalar(excess, bracket=(period, longer), xtol=1e-4).root)
+    return 0.0
 
 
 def check_ground_limits(limits: tuple[Limit, ...]) -> None:

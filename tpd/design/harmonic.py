@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -12,18 +13,21 @@ from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.run_table import Runs
+from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.compiled.calling import load_compiled
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.batch import aside
+from tpd.core.formatting import number
 from tpd.core.progress import Progress, unreported
 from tpd.design.job import Job
-from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
+from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
+from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.search import Search, search
-from tpd.design.settings import VALIDATION_RUNS, Descent
+from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
 from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective
@@ -31,8 +35,8 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.scene import Block, Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
@@ -100,12 +104,15 @@ class HarmonicProblem(Problem):
     objective: Objective
     """Quantity that the descents minimise. Trials and validation compare tilts."""
     settles: ClassVar[bool] = True
+    pictures = *Problem.pictures, "conditions", "motion"
+    has_earthquakes: ClassVar[bool] = False
+    begin_of_runs: ClassVar[str] = "Validation runs with random initial states and"
     attempts: ClassVar[int] = 3
     rounds: ClassVar[tuple[int, int]] = 6, 8
 
     @staticmethod
     def of(
-        scene: Scene,
+        scene: Scene | Block,
         space: DesignSpace | None = None,
         *,
         conditions: Conditions | None = None,
@@ -119,6 +126,8 @@ class HarmonicProblem(Problem):
             ValueError: an input is out of range, or does not fit the excitation.
             RuntimeError: JAX is in 32-bit mode.
         """
+        if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
+            raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
         checks.instance("scene", scene, Scene)
         checks.optional("conditions", conditions, Conditions)
         checks.optional("starts", starts, Starts)
@@ -224,6 +233,46 @@ class HarmonicProblem(Problem):
         """Design with a bob without mass, which does not act on the block."""
         p = self.orbits.p
         return np.array([0.0, float(p.lam), float(p.zeta)])
+
+    def harm_from_rest(self, exact: Any) -> list[Reason]:
+        """Return a reason if the block overturns from rest under significantly more conditions.
+
+        The significance is that of McNemar's test on the conditions in which only one of the two cases
+        overturns.
+        """
+        overturned, without = exact.status == "overturned", self.without_pendulum.status == "overturned"
+        worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
+        total = len(overturned)
+        # With a single condition no test is possible: every additional overturning counts.
+        if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
+            return []
+        kind = ReasonKind.overturns_more
+        return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
+
+    def drawn_swing(self, exact: ExactMotions, in_runs: float) -> float:
+        """Return the largest settled angle from rest or on an orbit; see `Problem.drawn_swing`."""
+        # Without an attracting orbit the swing is not finite, and is left out.
+        settled = filter(math.isfinite, [*exact.settled_swing, *exact.orbits.swing[0]])
+        return float(max(settled, default=in_runs))
+
+    def least_margins(self, designs: np.ndarray) -> np.ndarray:
+        """See `Problem.least_margins`."""
+        return margins(self.orbits, designs).min(axis=1)
+
+    def parameters(self, pendulum: Pendulum | None) -> Parameters:
+        """See `Problem.parameters`."""
+        return self.scene.parameters(pendulum)
+
+    @property
+    def excitation_in_words(self) -> str:
+        """See `Problem.excitation_in_words`."""
+        peak = number(float(self.scene.peak), 3)
+        return f"{self.scene.excitation.in_words}, largest acceleration {peak} g"
+
+    def isolation(self) -> tuple[np.ndarray, float]:
+        """Return the period for the lowest frequency only; see `Problem.isolation`."""
+        lowest = float(self.scene.excitation.frequency * np.min(self.conditions.column("frequency")))
+        return np.array([math.sqrt(1.0 + self.at_rest.peak / self.at_rest.uplift) / lowest]), 0.0
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
         """See `Problem.lifts`."""

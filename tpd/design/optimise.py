@@ -141,8 +141,6 @@ def problem_of(
             raise ValueError(f"`{name}` is allowed only with {there}, but the conditions are {here}")
     if conditions is not None and ground:
         return GroundMotionProblem.of(scene, conditions, space, **inputs)
-    if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
-        raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
     return HarmonicProblem.of(scene, space, conditions=conditions, **inputs)
 
 

@@ -21,7 +21,7 @@ from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job, job_of
-from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_fit
@@ -41,6 +41,7 @@ from tpd.limits import (
 )
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
@@ -121,6 +122,13 @@ class Problem(ABC):
     """Whether rest counts wherever the block can stay at rest, even if it rocks from other initial states."""
     spare: ClassVar[float] = 0.0
     """Share of every limit on runs that trial runs leave unused."""
+    pictures: ClassVar[tuple[str, ...]] = "landscape", "drawing", "benefit"
+    """Pictures that `tpd.plot` can draw of a design."""
+    has_earthquakes: ClassVar[bool]
+    """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, and a
+    share of them has an interval."""
+    begin_of_runs: ClassVar[str]
+    """Words for the beginning of the validation runs."""
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -243,6 +251,34 @@ class Problem(ABC):
     def without_pendulum(self) -> Any:
         """Exact motions without a pendulum; None if only runs can evaluate a design."""
         return self.exact(None)
+
+    def harm_from_rest(self, exact: Any) -> list[Reason]:
+        """Return a reason if the exact motions from rest show that the pendulum does harm."""
+        return []
+
+    def drawn_swing(self, exact: Any, in_runs: float) -> float:
+        """Return the bob angle (rad) of a drawing, from the exact motions and from the angle that is exceeded
+        only in the allowed share of the validation runs."""
+        return in_runs
+
+    def least_margins(self, designs: np.ndarray) -> np.ndarray:
+        """Return the smallest uplift margin of designs (m, 3) over all conditions, (m,); NaN if there is
+        none because no motion settles."""
+        return np.full(len(designs), np.nan)
+
+    def parameters(self, pendulum: Pendulum | None) -> Parameters | None:
+        """Return the dimensionless parameters, which exist only under harmonic excitation."""
+        return None
+
+    @property
+    @abstractmethod
+    def excitation_in_words(self) -> str:
+        """Words for the excitation."""
+
+    @abstractmethod
+    def isolation(self) -> tuple[np.ndarray, float]:
+        """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the
+        block, one for each motion at its strongest level, and the damping ratio of the isolation."""
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
         """Return the base accelerations over gravity that lift the resting block with a settled pendulum and
@@ -417,7 +453,7 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
         ValueError: the limit is not above the smallest mass of the space.
     """
     limit, (low, high) = limit_of(limits, Mass), space.ends[:, 0].tolist()
-    if not isinstance(limit, Mass):
+    if limit is None:
         return space
     # Every search keeps a bound exactly, but a constraint only within its tolerance: state the limit as a
     # bound.

@@ -18,7 +18,6 @@ import numpy as np
 
 from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import FEWER, Decision, PairedRuns
-from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
@@ -97,7 +96,7 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += [*_exact_harm(problem, exact), *_sliding(problem, design)]
+    reasons += [*problem.harm_from_rest(exact), *_sliding(problem, design)]
     decided = quoted = None
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
@@ -140,23 +139,6 @@ def validate(
 def run_seed(problem: Problem, attempt: int, part: int) -> int:
     """Return the seed of the validation runs of one attempt. No other stage uses this seed."""
     return problem.run_seed(2, attempt, part)
-
-
-def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
-    """Return a reason if the exact solution overturns from rest under significantly more conditions.
-
-    The significance is that of McNemar's test on the conditions in which only one of the two cases overturns.
-    """
-    if exact is None:
-        return []
-    overturned, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
-    worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
-    total = len(overturned)
-    # With a single condition no test is possible: every additional overturning counts.
-    if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
-        return []
-    kind = ReasonKind.overturns_more
-    return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
 
 def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:

@@ -11,8 +11,6 @@ from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
 from tpd.design.gaussian_process import GaussianProcess
-from tpd.design.harmonic import HarmonicProblem
-from tpd.design.orbits import margins
 from tpd.design.refine import Trials
 from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
 
@@ -85,13 +83,12 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
     _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without an answer", "none")
-    if design.search is not None:
-        # The block can stay at rest where the smallest uplift margin over all conditions is positive.
-        margin = margins(cast(HarmonicProblem, design.problem).orbits, designs).min(axis=1)
-        if margin.min() < 0.0 < margin.max():
-            edge(ax, x, y, margin.reshape(_GRID, _GRID), "stays at rest", 0.5, color=INK, style="--")
-        for i, path in enumerate(design.search.paths):
-            ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
+    # The block can stay at rest where the smallest uplift margin over all conditions is positive.
+    margin = design.problem.least_margins(designs)
+    if margin.min() < 0.0 < margin.max():
+        edge(ax, x, y, margin.reshape(_GRID, _GRID), "stays at rest", 0.5, color=INK, style="--")
+    for i, path in enumerate(design.paths):
+        ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
     _star(ax, design, best[axes])
     # A recommended design is the last validated one and has no reasons.
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)

@@ -118,9 +118,8 @@ def draw(name: str, design: Design, details: Details) -> bytes:
 def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
     """Draw one picture of a design, see `plot`."""
     # Designs for ground motions have fewer pictures. The message of an error must list the right ones.
-    pictures = _OF_HARMONIC if design.problem.settles else _OF_GROUND
-    checks.one_of("what", what, tuple(pictures))
-    return pictures[what](design, ax)
+    checks.one_of("what", what, design.problem.pictures)
+    return _OF_DESIGN[what](design, ax)
 
 
 def draw_response(
@@ -148,12 +147,10 @@ def _without(result: Any, without: Any) -> list[Any]:
     return [] if without is None else [without]
 
 
-_OF_GROUND: dict[str, Callable[[Any, Any], Any]] = {
+_OF_DESIGN: dict[str, Callable[[Any, Any], Any]] = {
     "landscape": landscape.plot_landscape,
     "drawing": drawing.plot_design,
     "benefit": compare.plot_benefit,
-}
-_OF_HARMONIC: dict[str, Callable[[Any, Any], Any]] = _OF_GROUND | {
     "conditions": compare.plot_conditions,
     "motion": response.plot_start,
 }

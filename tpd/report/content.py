@@ -121,7 +121,7 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
     is_started = bool(details.histories)
     has_data = {
         "benefit.svg": design.runs is not None,
-        "conditions.svg": design.problem.settles
+        "conditions.svg": "conditions" in design.problem.pictures
         and len(design.conditions) > 1
         and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,

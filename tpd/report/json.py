@@ -37,8 +37,7 @@ def as_json(
 ) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
-    # Under ground motions the dimensionless frequency and amplitude of a harmonic do not exist.
-    p = design.scene.parameters(pendulum) if problem.settles else None
+    p = problem.parameters(pendulum)
     # A limit with one field is written as the value of this field, and a limit without fields as true. A
     # limit that the user defined may have several fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}

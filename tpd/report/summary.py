@@ -87,7 +87,7 @@ def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
 def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     """Yield rows, each a name and a sentence, block and motion first."""
     yield "block", words.block_of(design.scene)
-    yield "motion", words.excitation(design)
+    yield "motion", design.problem.excitation_in_words
     yield "lifts", design.problem.at_rest.lifting_in_words
     yield "slides", design.problem.at_rest.sliding_in_words
     # Without further conditions the design is for the motion of the scene only.
@@ -188,7 +188,7 @@ def _commands(design: Design, directory: Path) -> Iterator[tuple[str, str]]:
     at = shlex.quote(str(directory))
     # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
     # only.
-    if design.problem.settles and design.pendulum is not None:
+    if design.pendulum is not None and not design.problem.has_earthquakes:
         records = f"earthquakes (run `tpd fragility {at} --records el-centro loma-prieta`)"
         yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
     yield "report", f"{directory / 'report.html'}"

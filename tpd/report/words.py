@@ -264,7 +264,7 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.excitation, Harmonic):
         return block, damping, f"  motion  {motion or in_words((scene.excitation,))}"
-    motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
+    motion = f"  motion  {scene.excitation.in_words}, {number(float(scene.peak))} g"
     # A block of the user needs no title; the paper's block may be a wrong default.
     title = origin(scene)
     return (*((f"Scene: {title}.",) if title.startswith(_PAPER) else ()), block, motion, damping)
@@ -273,15 +273,6 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
 def block_of(scene: Scene) -> str:
     """Describe the block and its energy losses in one sentence."""
     return f"{_block(scene)}; topples at {_toppling(scene)}; {losses(scene.block)}"
-
-
-def excitation(design: Design) -> str:
-    """Describe the excitation of a design in one sentence."""
-    scene = design.scene
-    if not design.problem.settles:
-        listed = ", ".join(f"{name}: {len(motions)}" for name, motions in groups(design).items())
-        return f"ground motions from rest ({listed})"
-    return f"{_motion(scene)}, largest acceleration {number(float(scene.peak), 3)} g"
 
 
 def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
@@ -311,7 +302,3 @@ def _block(scene: Scene) -> str:
     # The cavity is always mentioned, because a bob needs one.
     cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"
-
-
-def _motion(scene: Scene) -> str:
-    return f"{number(float(scene.excitation.amplitude))} m at {number(float(scene.excitation.frequency))} Hz"

@@ -17,6 +17,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.checks import Real
+from tpd.core.formatting import number
 from tpd.scene.ground_motion import FREQUENCIES, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
@@ -264,6 +265,11 @@ class Harmonic:
     def rate(self) -> Real:
         """Angular frequency omega, rad/s."""
         return 2.0 * math.pi * self.frequency
+
+    @property
+    def in_words(self) -> str:
+        """Amplitude and frequency as text."""
+        return f"{number(float(self.amplitude))} m at {number(float(self.frequency))} Hz"
 
 
 @dataclass(frozen=True)
