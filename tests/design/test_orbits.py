@@ -11,7 +11,7 @@ import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
 from tpd.design.geometry import Geometry
-from tpd.design.orbits import BACK_OFF, SMOOTHED, Orbits, SmoothedOrbits, margins
+from tpd.design.orbits import BACK_OFF, SMOOTHED, Orbits, SmoothedOrbits
 from tpd.design.sizes import MOTION_KINDS, NONE, REST, ROCKING, evaluate_sizes
 from tpd.scene.parameters import as_arrays
 
@@ -51,7 +51,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
         assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
         assert e.swing[0, i] == pytest.approx(float(found.swing[0]), rel=1e-10)
         assert e.margin[0, i] == pytest.approx(float(tpd.theory.uplift(p).margin), rel=1e-10)
-    np.testing.assert_allclose(margins(objective, GOOD), e.margin, rtol=1e-12)
+    np.testing.assert_allclose(objective.margins(GOOD), e.margin, rtol=1e-12)
     np.testing.assert_array_equal(e.merit, e.tilt)
     assert objective.value(e)[0] == e.tilt.max()
 

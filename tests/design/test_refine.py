@@ -114,11 +114,11 @@ def test_proposed_designs_keep_to_the_limits_that_need_no_run():
     for last in (False, True):
         designs = here.next(0, 8, last)
         assert 0 < len(designs) <= 8
-        assert here.possible(designs).all()
+        assert here.problem.possible(designs).all()
         units = SPACE.scaled(designs)
         apart_by = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(len(units))
         assert apart_by.min() > 0.02
-    assert not here.possible(SPACE.unscaled(np.array([[0.9, 0.5, 0.4]])))[0]
+    assert not here.problem.possible(SPACE.unscaled(np.array([[0.9, 0.5, 0.4]])))[0]
     # Without a process designs are drawn from the space.
     assert Refinement(problem, unreported, 60).next(0, 8, False).shape == (8, 3)
 

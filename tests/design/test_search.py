@@ -11,7 +11,7 @@ import tpd
 from tests.design.conftest import WIDE
 from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
 from tests.design.test_orbits import Both, orbits
-from tpd.design.orbits import Linearisation, margins
+from tpd.design.orbits import Linearisation
 from tpd.design.search import (
     SearchStatus,
     _status,
@@ -113,7 +113,7 @@ def test_a_quarter_of_the_screened_designs_has_the_largest_margins():
     assert designs.shape == (40, 3)
     np.testing.assert_array_equal(designs, screened_designs(objective, 40, seed=2))
     assert not np.array_equal(designs, screened_designs(objective, 40, seed=3))
-    least = margins(objective, designs).min(axis=1)
+    least = objective.margins(designs).min(axis=1)
     assert least[30:].min() > np.median(least[:30])
     assert screened_designs(objective, 1, seed=2).shape == (1, 3)
 

@@ -35,7 +35,7 @@ from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
-from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
+from tpd.scene.conditions import MEASURES, Conditions, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
@@ -252,7 +252,7 @@ class GroundMotionProblem(Problem):
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: the candidates are spread over the design space."""
         rng = np.random.default_rng([self.seed, 7])
-        return self.space.unscaled(latin_hypercube(rng, self.method.designs, len(self.space.names))), None
+        return self.space.sample(rng, self.method.designs), None
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the

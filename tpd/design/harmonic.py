@@ -22,7 +22,7 @@ from tpd.core.batch import aside
 from tpd.core.formatting import number
 from tpd.core.progress import Progress, unreported
 from tpd.design.job import Job
-from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
+from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
@@ -33,7 +33,7 @@ from tpd.design.space import DesignSpace, check_moves, check_scatter
 from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all
+from tpd.scene.conditions import Conditions, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.scene import Block, Harmonic, Pendulum, Scene
@@ -257,7 +257,7 @@ class HarmonicProblem(Problem):
 
     def least_margins(self, designs: np.ndarray) -> np.ndarray:
         """See `Problem.least_margins`."""
-        return margins(self.orbits, designs).min(axis=1)
+        return self.orbits.margins(designs).min(axis=1)
 
     def parameters(self, pendulum: Pendulum | None) -> Parameters:
         """See `Problem.parameters`."""
@@ -300,12 +300,10 @@ class HarmonicProblem(Problem):
             part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
             result = replace(result, description=result.description + part)
         rng = np.random.default_rng([self.seed, 9])
-        drawn = self.space.unscaled(latin_hypercube(rng, _DRAWN, len(self.space.names)))
-        sizes = self.fixed_sizes(drawn)
+        drawn = self.space.sample(rng, _DRAWN)
         # Designs that exceed a limit even at rest come last. Some of them remain, because they show the
         # effect of the limit.
-        over = np.max([np.zeros(len(drawn)), *sizes.values()], axis=0) > 1.0
-        spread = drawn[np.argsort(over, kind="stable")[:_SPREAD]]
+        spread = drawn[np.argsort(~self.possible(drawn), kind="stable")[:_SPREAD]]
         return np.concatenate([result.confirmed, result.passed[:_PATHS], spread]), result
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:

@@ -136,6 +136,12 @@ class Orbits:
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
+    def margins(self, designs: np.ndarray) -> np.ndarray:
+        """Return the uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
+        rows = self.conditions.factor_rows()
+        # Evaluate one condition after the other: all at once would need n times the memory.
+        return np.stack([np.asarray(uplift(under(self.p, designs.T, row)).margin) for row in rows], axis=1)
+
     def value(self, e: Evaluation) -> np.ndarray:
         """Return the risk of the merits, (m,)."""
         return self.risk.of(e.merit)
@@ -249,13 +255,6 @@ def _finite(x: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(x), x, 0.0)
 
 
-def margins(objective: Orbits, designs: np.ndarray) -> np.ndarray:
-    """Return the uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
-    rows = objective.conditions.factor_rows()
-    # Evaluate one condition after the other: all at once would need n times the memory.
-    return np.stack([np.asarray(uplift(under(objective.p, designs.T, row)).margin) for row in rows], axis=1)
-
-
 class SmoothedOrbits:
     """Designs of m descents with their orbits under all conditions, starting from an exact evaluation."""
 
@@ -299,7 +298,7 @@ class SmoothedOrbits:
         blank values."""
         o, m = self.orbits, len(designs)
         own = {name: np.array(getattr(Evaluation.blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
-        e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
+        e = Evaluation(**own | {"margin": o.margins(designs)}, design=designs)
         # The derivatives of the last step predict the orbit of the next design to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
         self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()

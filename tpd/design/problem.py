@@ -367,6 +367,12 @@ class Problem(ABC):
             for size in evaluate_sizes(self.run_limits, at_rest, self.geometry)
         }
 
+    def possible(self, designs: np.ndarray) -> np.ndarray:
+        """Return whether designs (m, 3) keep the limits that need no run, (m,)."""
+        # A quantity that is unknown is no limit that is kept.
+        keeps = (x <= 1.0 for x in self.fixed_sizes(designs).values())
+        return np.all([np.ones(len(designs)), *keeps], axis=0)
+
     def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
         """Return limited quantities over their limits, by name, in each run in which the block stands."""
         stands, g = runs.stands, self.geometry

@@ -115,6 +115,16 @@ class Refinement:
         self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
         self._unknown = False
 
+    @property
+    def at(self) -> np.ndarray:
+        """Designs of the trials in shares of the space, (m, d)."""
+        return self.problem.space.scaled(np.array(self.designs))
+
+    @property
+    def values(self) -> np.ndarray:
+        """Risk of each trial, (m,); NaN if no run has a result."""
+        return np.array([self.problem.value_of(runs) for runs in self.runs])
+
     def evaluate(self, designs: np.ndarray) -> None:
         """Simulate the trial runs of designs (m, 3), and fit the processes again."""
         for design in designs:
@@ -129,12 +139,11 @@ class Refinement:
 
     def fit(self) -> None:
         """Fit the processes to all trials that have a result."""
-        values = np.array([self.problem.value_of(r) for r in self.runs])
+        values, at = self.values, self.at
         finite = np.flatnonzero(np.isfinite(values))
         # With very few values a trend would be meaningless.
         if len(finite) < 4:
             return
-        at = self.problem.space.scaled(np.array(self.designs))
 
         def fitted(rows: np.ndarray, x: np.ndarray, before: GaussianProcess | None) -> GaussianProcess:
             # The hyperparameters change little from one round to the next, so that later rounds need fewer
@@ -185,20 +194,13 @@ class Refinement:
         """Return the probability that designs at points (m, d) keep the limits, according to their trends."""
         return probability_below_zero(list(self.limits.values()), x) * (not self._unknown)
 
-    def possible(self, designs: np.ndarray) -> np.ndarray:
-        """Return whether designs (m, 3) keep the limits that need no run."""
-        sizes = self.problem.fixed_sizes(designs)
-        return np.max([np.zeros(len(designs)), *sizes.values()], axis=0) <= 1.0
-
     def order(self) -> np.ndarray:
         """Return the order of the trials: designs that are likely to keep the limits first, then by trend."""
-        designs = np.array(self.designs)
-        x = self.problem.space.scaled(designs)
+        x = self.at
         if self.process is None:
             return np.arange(len(x))
-        keeps = np.where(self.possible(designs), self.keeps(x), 0.0)
-        has_value = np.isfinite([self.problem.value_of(r) for r in self.runs])
-        keeps = np.where(has_value, keeps, -1.0)
+        keeps = np.where(self.problem.possible(np.array(self.designs)), self.keeps(x), 0.0)
+        keeps = np.where(np.isfinite(self.values), keeps, -1.0)
         # Among infeasible designs the one with the highest probability comes first, which guides the next
         # trials.
         return np.lexsort((self.process.at(x)[0], np.where(keeps >= self.likely, 0.0, 1.0 - keeps)))
@@ -212,7 +214,7 @@ class Refinement:
         if self.process is None:
             return space.unscaled(rng.random((count, len(space.names))))
         # Proposals near the best four designs refine them; the others explore the space.
-        best = space.scaled(np.array(self.designs))[self.order()[:4]]
+        best = self.at[self.order()[:4]]
         x = proposals(rng, best)
         keeps = self.keeps(x)
         if self.keeps(best[:1])[0] < self.likely:
@@ -225,7 +227,7 @@ class Refinement:
             promise = keeps * improvement(self.process, x, float(self.process.at(best[:1])[0][0]))
         # Limits that need no run are cheap to check, but not for thousands of proposals.
         order = np.argsort(-promise, kind="stable")[:_WEIGHED]
-        order = order[self.possible(space.unscaled(x[order]))]
+        order = order[self.problem.possible(space.unscaled(x[order]))]
         return space.unscaled(x[first_apart(x, order, count, _APART)])
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
@@ -244,7 +246,7 @@ class Refinement:
         # Two standard deviations: the trials cannot distinguish such designs.
         good = (self.process.at(x)[0] <= trend + 2.0 * deviation) & (self.keeps(x) >= self.likely)
         designs = space.unscaled(x[good])
-        equivalent = np.concatenate([design[None], designs[self.possible(designs)]])
+        equivalent = np.concatenate([design[None], designs[self.problem.possible(designs)]])
         return np.stack([equivalent.min(axis=0), equivalent.max(axis=0)])
 
     def trials(self) -> Trials:
@@ -255,16 +257,16 @@ class Refinement:
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
         columns = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
         sizes = np.array(columns, dtype=float).reshape(len(fixed), len(designs)).T
-        x = self.problem.space.scaled(designs)
+        x = self.at
         # If no process could be fitted, only the validation can show whether a design keeps the limits.
-        feasible = (self.keeps(x) >= self.likely) & self.possible(designs)
+        feasible = (self.keeps(x) >= self.likely) & self.problem.possible(designs)
         feasible &= np.isfinite(sizes).all(axis=1) | (self.process is None)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         overturned, unanswered, runs = np.array(counts, dtype=float).T
         return Trials(
             designs=designs[order],
-            value=np.array([self.problem.value_of(r) for r in self.runs])[order],
+            value=self.values[order],
             trend=trend[order],
             names=tuple(fixed),
             sizes=sizes[order],

@@ -39,12 +39,11 @@ from jaxtyping import Array
 from scipy.optimize import Bounds, minimize
 
 from tpd.core.progress import Count, Progress, unreported
-from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, SmoothedOrbits, margins
+from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, SmoothedOrbits
 from tpd.design.settings import Descent
 from tpd.design.sizes import NEAR, Evaluation
 from tpd.design.space import first_apart
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import latin_hypercube
 
 _CLOSED = 4096
 """Number of designs whose uplift margin is computed in closed form."""
@@ -247,10 +246,9 @@ def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
     Three quarters are spread over the space. One quarter have the largest uplift margin under all conditions.
     """
     space = orbits.space
-    wide = space.unscaled(latin_hypercube(np.random.default_rng([seed, 2]), _CLOSED, len(space.names)))
-    still = np.argsort(-margins(orbits, wide).min(axis=1), kind="stable")[: count // 4]
-    spread = latin_hypercube(np.random.default_rng(seed), count - len(still), len(space.names))
-    return np.concatenate([space.unscaled(spread), wide[still]])
+    wide = space.sample(np.random.default_rng([seed, 2]), _CLOSED)
+    still = np.argsort(-orbits.margins(wide).min(axis=1), kind="stable")[: count // 4]
+    return np.concatenate([space.sample(np.random.default_rng(seed), count - len(still)), wide[still]])
 
 
 def _check_size(orbits: Orbits, e: Evaluation) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
 
@@ -143,6 +143,10 @@ class DesignSpace:
     def bounds(self) -> np.ndarray:
         """Lower and upper bounds of the parameters that the search varies, shape (2, len(names))."""
         return self.ends[:, self.searched]
+
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Draw designs (mu, lam, zeta) by a Latin hypercube, shape (count, 3)."""
+        return self.unscaled(latin_hypercube(rng, count, len(self.names)))
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
         """Return the varied parameters of designs (..., 3) as shares of the bounds, shape (...,
