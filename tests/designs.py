@@ -100,10 +100,6 @@ class NoisyProblem(Problem):
     def rounds(self):
         return 4, 8
 
-    @property
-    def allowed(self):
-        return self.requirements.allowed
-
     def tilt(self, design) -> float:
         """Mean tilt over nu without noise."""
         return float(0.2 + 0.5 * np.sum((SPACE.scaled(np.asarray(design)) - [0.6, 0.5, 0.4]) ** 2))

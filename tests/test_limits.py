@@ -182,11 +182,9 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
 def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():
     requirements = Requirements()
     assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
-    assert (requirements.allowed, requirements.broken) == (0.01, 0.1)
     assert (requirements.reduce, Requirements(reduce="tilt").reduce) == (None, "tilt")
     with pytest.raises(ValueError, match="`reduce` must be one of overturning, tilt, but is 'tild'"):
         Requirements(reduce="tild")
-    assert Requirements(wall_contacts=0.3).allowed == Requirements(wall_contacts=0.3).broken == 0.3
     for name in ("at_least", "worse", "wall_contacts"):
         for value in (0.0, 1.0):
             assert getattr(Requirements(**{name: value}), name) == value

@@ -71,7 +71,7 @@ class Requirements:
 
     Example:
         >>> import tpd
-        >>> tpd.limits.Requirements(at_least=0.2, wall_contacts=0.02).allowed
+        >>> tpd.limits.Requirements(at_least=0.2, wall_contacts=0.02).wall_contacts
         0.02
     """
 
@@ -95,16 +95,6 @@ class Requirements:
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.reduce is not None:
             checks.one_of("reduce", self.reduce, get_args(Measure))
-
-    @property
-    def allowed(self) -> float:
-        """Largest share of the standing runs that may touch a wall under harmonic excitation."""
-        return 0.01 if self.wall_contacts is None else self.wall_contacts
-
-    @property
-    def broken(self) -> float:
-        """Largest share of the standing runs that may exceed a limit under ground motions."""
-        return 0.1 if self.wall_contacts is None else self.wall_contacts
 
 
 class Motion(NamedTuple):

@@ -49,7 +49,7 @@ _VARIED = {
 _DRAWN, _FOLLOWED, _SAMPLES = 24, 100, 60
 """Forcing periods of a time history if the block does not overturn; largest number of periods, as in a
 validation run; and points in a period."""
-_USUAL = 1.0 / 3.0
+_EQUIVALENT_TILT = 1.0 / 3.0
 """Tilt over nu at which an equivalent friction and impacts lose the same energy."""
 _SEED = 3
 """Number of the seed of the comparisons; trials and validation have smaller numbers."""
@@ -482,7 +482,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     k = float(block.friction)
     # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.
     impacts = HOUSNER if e == 1.0 else block.restitution
-    friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
+    friction = k or float(equivalent_friction(p, _EQUIVALENT_TILT * float(p.nu))) if e < 1.0 else k
     return {
         "friction": replace(block, friction=friction, restitution=1.0),
         "impacts": replace(block, friction=0.0, restitution=impacts),

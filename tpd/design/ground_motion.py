@@ -27,7 +27,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, checked_inputs
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
@@ -43,7 +43,7 @@ from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
-_USUAL = {
+_DEFAULTS = {
     "risk": Risk.expected(),
     "limits": (Stroke(), Clearance()),
     "method": GroundSearch(),
@@ -109,6 +109,7 @@ class GroundMotionProblem(Problem):
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
     has_earthquakes: ClassVar[bool] = True
+    usual_contacts: ClassVar[float] = 0.1
     begin_of_runs: ClassVar[str] = "Runs from rest with"
 
     @staticmethod
@@ -141,7 +142,7 @@ class GroundMotionProblem(Problem):
         """
         checks.instance("scene", subject, (Scene, Block))
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
-        checked = complete(scene, _USUAL, inputs | {"space": space})
+        checked = checked_inputs(scene, _DEFAULTS, inputs | {"space": space})
         check_ground_limits(checked["limits"])
         groups = grouped(
             conditions.motions,
@@ -159,7 +160,7 @@ class GroundMotionProblem(Problem):
             which=np.searchsorted(tuned, which[rows]),
         )
         # Reject settings without effect, because a user would rely on them.
-        for name, usual in vars(_USUAL["ensemble"]).items():
+        for name, usual in vars(_DEFAULTS["ensemble"]).items():
             if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
                 raise ValueError(f"`ensemble.{name}` needs harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
@@ -197,11 +198,6 @@ class GroundMotionProblem(Problem):
     def rounds(self) -> tuple[int, int]:  # type: ignore[override]
         """See `Problem.rounds`: every round has one design."""
         return self.method.steps, 1
-
-    @property
-    def allowed(self) -> float:
-        """See `Problem.allowed`."""
-        return self.requirements.broken
 
     @property
     def scatter(self) -> dict[str, float]:

@@ -23,7 +23,7 @@ from tpd.core.formatting import number
 from tpd.core.progress import Progress, unreported
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, checked_inputs
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.search import Search, search
@@ -56,7 +56,7 @@ _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
 of designs that are drawn to select the latter."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
-_USUAL = {
+_DEFAULTS = {
     "risk": Risk.worst(),
     "limits": DEFAULT_LIMITS,
     "method": Descent(),
@@ -136,7 +136,7 @@ class HarmonicProblem(Problem):
                 "the motion of `scene` must be a harmonic: pass pulses and records as "
                 "`conditions=tpd.Conditions.records(...)`"
             )
-        checked = complete(scene, _USUAL, inputs | {"space": space})
+        checked = checked_inputs(scene, _DEFAULTS, inputs | {"space": space})
         searched: DesignSpace = checked["space"]
         conditions = Conditions.around(scene) if conditions is None else conditions
         check_moves(scene, conditions)
@@ -214,11 +214,6 @@ class HarmonicProblem(Problem):
             "starts": {"kind": "rest" if self.rest_counts else "any"},
             **(self.conditions.tables or {}),
         }
-
-    @property
-    def allowed(self) -> float:
-        """See `Problem.allowed`."""
-        return self.requirements.allowed
 
     @cached_property
     def orbits(self) -> Orbits:
@@ -345,8 +340,8 @@ class HarmonicProblem(Problem):
         # One half of the validation runs decides and the other half is reported, so each call simulates one
         # half.
         half = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
-        how: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
-        return outcomes(self.scene, ensemble=half, conditions=self.conditions, **how)
+        settings: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
+        return outcomes(self.scene, ensemble=half, conditions=self.conditions, **settings)
 
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported

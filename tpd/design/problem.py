@@ -49,7 +49,7 @@ from tpd.theory.no_uplift import AtRest
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
-_USUAL: dict[str, Any] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
+_DEFAULTS: dict[str, Any] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
 """Default inputs of all problems."""
 _SCATTERED = {
     "mass": "the bob's mass",
@@ -118,6 +118,8 @@ class Problem(ABC):
     description of the level; empty if there is one level, and under harmonic excitation."""
     earthquakes: ClassVar[np.ndarray | None] = None
     """Number of the earthquake of each validation run; None under harmonic excitation."""
+    usual_contacts: ClassVar[float] = 0.01
+    """Default share of the standing runs that may exceed a limit. The usual limit is the clearance."""
     rest_counts: ClassVar[bool] = False
     """Whether rest counts wherever the block can stay at rest, even if it rocks from other initial states."""
     spare: ClassVar[float] = 0.0
@@ -194,9 +196,10 @@ class Problem(ABC):
         }
 
     @property
-    @abstractmethod
     def allowed(self) -> float:
         """Largest share of the runs that may exceed a limit, among those in which the block stands."""
+        stated = self.requirements.wall_contacts
+        return self.usual_contacts if stated is None else stated
 
     @property
     def scatter(self) -> dict[str, float]:
@@ -426,7 +429,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
 
 
-def complete(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+def checked_inputs(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Return the inputs that all problems have, checked and with defaults in place of None and of missing
     inputs.
 
@@ -439,7 +442,7 @@ def complete(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) 
     """
     # 32-bit numbers would give wrong results without an error, so check this first.
     checks.require_x64()
-    defaults = _USUAL | defaults
+    defaults = _DEFAULTS | defaults
     if unknown := inputs.keys() - defaults.keys():
         raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
     checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from tpd.core.formatting import compared, percent, with_and_without
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
-from tpd.limits import Clearance, Requirements, limit_of
+from tpd.limits import Clearance, limit_of
 from tpd.report.blocks import Note, danger, note
 from tpd.report.words import exceeding, finite_max, overturned_between, reduced
 from tpd.scene.bob import Bob
@@ -60,7 +59,7 @@ def _runs(design: Design) -> Iterator[Note]:
     if design.pendulum is not None:
         # A job can allow wall contact in any share of the runs. This note compares with the usual share, so
         # that the reader learns of frequent wall contact even if the job allows it.
-        usual = replace(design.problem, requirements=Requirements()).allowed
+        usual = design.problem.usual_contacts
         if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > usual:
             yield danger(f"{exceeding(best.over_limit, design.problem.allowed)}.")
         required = design.problem.requirements.at_least
