@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.designs import NoisyProblem
 from tpd.answers.statistics import Interval
-from tpd.design.optimise import solve
+from tpd.design.optimise import solve_problem
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 
 
@@ -55,7 +55,7 @@ def test_of_rejected_designs_the_one_that_misses_least_is_shown(rejected):
 
 
 def test_a_problem_without_an_answer_has_no_numbers():
-    found = solve(NoisyProblem.of(calm=True))
+    found = solve_problem(NoisyProblem.of(calm=True))
     assert (found.pendulum, found.best, found.runs, found.benefit, found.nearest) == (None,) * 5
     assert (found.refusals, found.usage, found.is_harmful, found.swing) == ((), {}, False, 0.0)
     assert np.isnan(found.risks).all()
@@ -63,7 +63,7 @@ def test_a_problem_without_an_answer_has_no_numbers():
 
 
 def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
-    found = solve(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
+    found = solve_problem(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
     i = int(np.argmin(found.trials.sizes.max(axis=1)))
     np.testing.assert_array_equal(found.nearest, found.trials.designs[i])
     assert found.refusals == (
@@ -92,11 +92,11 @@ def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
 
 def test_a_no_names_the_inputs_that_could_change_it():
     fixed = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=0.1)
-    found = solve(NoisyProblem.of(space=fixed, limits=(tpd.limits.Stroke(0.1),)))
+    found = solve_problem(NoisyProblem.of(space=fixed, limits=(tpd.limits.Stroke(0.1),)))
     assert found.pendulum is None
     assert "limit on stroke" in found.remedy
     assert "fixed damping ratio" in found.remedy
     assert found.remedy in str(found)
     assert all(bound in found.remedy for bound in found.at_bounds)
-    assert solve(NoisyProblem.of(limits=())).remedy == ""
-    assert solve(NoisyProblem.of(calm=True)).remedy == ""
+    assert solve_problem(NoisyProblem.of(limits=())).remedy == ""
+    assert solve_problem(NoisyProblem.of(calm=True)).remedy == ""

@@ -15,7 +15,7 @@ from tpd.design import optimise as module
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.optimise import Front, problem_of, solve
+from tpd.design.optimise import Front, problem_of, solve_problem
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
 
@@ -52,7 +52,7 @@ def harmful(count, **given) -> Harmful:
 
 def test_the_best_design_of_the_trials_is_validated_and_recommended():
     stages = []
-    found = solve(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
+    found = solve_problem(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
     assert found.status is DesignStatus.recommended
     (best,) = found.validated
     np.testing.assert_array_equal(best.design, found.trials.designs[0])
@@ -64,7 +64,7 @@ def test_the_best_design_of_the_trials_is_validated_and_recommended():
 
 def test_no_stage_shares_runs_with_another():
     problem = harmful(2)
-    solve(problem)
+    solve_problem(problem)
     seeds = [seed for _, seed in problem.asked]
     assert len(set(seeds)) == len(seeds)
     assert [kind for kind, _ in problem.asked][-4:] == ["paired"] * 4, (
@@ -77,7 +77,7 @@ def test_no_stage_shares_runs_with_another():
     [(1, 2, "recommended"), (2, 3, "recommended"), (9, 3, "not_recommended")],
 )
 def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, validated, status):
-    found = solve(harmful(count))
+    found = solve_problem(harmful(count))
     assert (found.status.name, len(found.validated)) == (status, validated)
     units = SPACE.scaled(np.array([v.design for v in found.validated]))
     apart = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(validated)
@@ -95,7 +95,7 @@ def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, 
 
 def test_after_a_rejection_no_unpromising_design_is_validated():
     """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
-    stopped = solve(
+    stopped = solve_problem(
         harmful(9, requirements=tpd.limits.Requirements(at_least=1.0), limits=(tpd.limits.Tilt(0.9),))
     )
     assert len(stopped.validated) == 3
@@ -104,13 +104,13 @@ def test_after_a_rejection_no_unpromising_design_is_validated():
         def tilt(self, design):
             return 0.59 + 0.01 * super().tilt(design)
 
-    found = solve(Little(**harmful(9).inputs))
+    found = solve_problem(Little(**harmful(9).inputs))
     assert (found.status, len(found.validated)) == (DesignStatus.not_recommended, 1)
 
 
 def test_where_no_design_keeps_to_the_limits_none_is_validated():
     problem = NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),))
-    found = solve(problem)
+    found = solve_problem(problem)
     assert (found.status, found.validated, found.pendulum) == (DesignStatus.none_feasible, (), None)
     assert not [kind for kind, _ in problem.asked if kind == "paired"]
     assert len(found.refusals) == 1
@@ -119,14 +119,14 @@ def test_where_no_design_keeps_to_the_limits_none_is_validated():
 
 def test_where_the_block_rests_nothing_is_evaluated():
     problem = NoisyProblem.of(calm=True)
-    found = solve(problem)
+    found = solve_problem(problem)
     assert (found.status, found.trials, found.validated) == (DesignStatus.no_uplift, None, ())
     assert problem.asked == []
 
 
 def test_runs_without_an_answer_leave_a_design_undecided():
     """Most runs have no answer: the verdict depends on them, and the status says so."""
-    found = solve(NoisyProblem.of(unanswered=0.6))
+    found = solve_problem(NoisyProblem.of(unanswered=0.6))
     assert found.status is DesignStatus.undecided
     assert found.pendulum is None
     assert all("runs have no result" in said for said in found.refusals)
@@ -137,7 +137,7 @@ def test_the_status_of_a_design_that_passes_is_that_of_the_evidence():
     class Few(NoisyProblem):
         evidence = DesignStatus.too_few
 
-    found = solve(Few(**NoisyProblem.of().inputs))
+    found = solve_problem(Few(**NoisyProblem.of().inputs))
     assert found.status is DesignStatus.too_few
     assert (found.pendulum, found.benefit, found.refusals) == (None, None, ())
     assert found.validated[-1].reasons == ()
@@ -148,7 +148,7 @@ def test_ctrl_c_is_an_exception():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        solve(NoisyProblem.of(), stop)
+        solve_problem(NoisyProblem.of(), stop)
 
 
 def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
@@ -418,6 +418,6 @@ def test_a_second_design_sees_the_same_earthquakes_only_if_a_limit_rejects_the_f
     count, helps, validated, status
 ):
     problem = type("", (Quakes,), {"helps": helps})(**(NoisyProblem.of().inputs | {"method": count}))
-    found = solve(problem)
+    found = solve_problem(problem)
     assert len(found.validated) == validated
     assert found.status is DesignStatus[status]

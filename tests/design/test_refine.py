@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.designs import RATIOS, SPACE, NoisyProblem, outcomes
 from tpd.core.progress import unreported
-from tpd.design.optimise import solve
+from tpd.design.optimise import solve_problem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.refine import Refinement, apart, refine
@@ -183,7 +183,7 @@ def test_a_limit_that_no_run_can_show_is_not_kept():
     assert not trials.feasible.any()
     assert trials.best_without() is None
     assert here.keeps(SPACE.scaled(trials.designs[:1]))[0] == 0.0
-    found = solve(here.problem)
+    found = solve_problem(here.problem)
     assert (found.status, found.validated) == (DesignStatus.none_feasible, ())
     (refusal,) = found.refusals
     assert refusal.startswith("the block overturns in so many trial runs")

@@ -10,7 +10,7 @@ from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import details
-from tpd.design.optimise import front, problem_of, solve
+from tpd.design.optimise import front, problem_of, solve_problem
 from tpd.report import answer
 from tpd.report.blocks import Summary
 from tpd.report.files import write
@@ -29,7 +29,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     if not (options.quiet or options.json):
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
     with Bar() as bar:
-        design, points = solve(problem, bar), ()
+        design, points = solve_problem(problem, bar), ()
         # Lighter pendulums make sense only beside a pendulum that is recommended.
         is_recommended = design.pendulum is not None and design.status.name == "recommended"
         if job.full["search"]["pareto"] and is_recommended:

@@ -27,9 +27,6 @@ from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import SLIDES, AtRest
 
-_SHARE = "validation_share"
-"""Argument of `optimise` that divides the ground motions."""
-
 
 class Alternatives(NamedTuple):
     """Estimates of what keeps the block on its base without a pendulum, from statics of a rigid block."""
@@ -226,8 +223,12 @@ def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **sett
     # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
     # divided.
     motions = () if conditions is None else conditions.motions
-    if motions and len(set(events_of(motions))) == 1 and not isinstance(settings.get(_SHARE), Mapping):
-        inputs[_SHARE] = 0.0
+    if (
+        motions
+        and len(set(events_of(motions))) == 1
+        and not isinstance(settings.get("validation_share"), Mapping)
+    ):
+        inputs["validation_share"] = 0.0
     return problem_of(scene, **inputs)
 
 

@@ -143,11 +143,9 @@ def proposals(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
 def probability_below_zero(limits: Sequence[GaussianProcess], x: np.ndarray) -> np.ndarray:
     """Return the probability that all limited quantities are below zero at points (m, d), according to their
     trends."""
-    out = np.ones(len(x))
-    for limit in limits:
-        middle, deviation = limit.at(x)
-        out *= ndtr(-middle / np.maximum(deviation, 1e-9))
-    return out
+    trends = (limit.at(x) for limit in limits)
+    below = (ndtr(-middle / np.maximum(deviation, 1e-9)) for middle, deviation in trends)
+    return np.prod([np.ones(len(x)), *below], axis=0)
 
 
 def improvement(process: GaussianProcess, x: np.ndarray, best: float) -> np.ndarray:

@@ -27,7 +27,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, checked_inputs
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
@@ -43,13 +43,6 @@ from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
-_DEFAULTS = {
-    "risk": Risk.expected(),
-    "limits": (Stroke(), Clearance()),
-    "method": GroundSearch(),
-    "ensemble": Ensemble(),
-}
-"""Default inputs, apart from those of all problems."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """Design with a bob without mass, which does not act on the block."""
 _LEAST_FOR_HALVES = 80
@@ -108,6 +101,13 @@ class GroundMotionProblem(Problem):
     # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
+    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+        "risk": Risk.expected(),
+        "limits": (Stroke(), Clearance()),
+        "method": GroundSearch(),
+        "ensemble": Ensemble(),
+        "validation_share": VALIDATION_SHARE,
+    }
     has_earthquakes: ClassVar[bool] = True
     usual_contacts: ClassVar[float] = 0.1
     begin_of_runs: ClassVar[str] = "Runs from rest with"
@@ -117,8 +117,6 @@ class GroundMotionProblem(Problem):
         subject: Scene | Block,
         conditions: Conditions,
         space: DesignSpace | None = None,
-        *,
-        validation_share: float | Mapping[str, Sequence[GroundMotion]] | None = None,
         **inputs: Any,
     ) -> GroundMotionProblem:
         """Return the problem of a block under ground motions. None stands for the default.
@@ -127,8 +125,6 @@ class GroundMotionProblem(Problem):
             subject: the block, or a scene for its gravity. The motion of the scene is not used.
             conditions: result of `Conditions.records`.
             space: bounds of the search; default `DesignSpace()`.
-            validation_share: share of the motions that is kept for the validation, by a seeded choice of
-                whole earthquakes; or groups of other motions by name; default 0.5.
             inputs: further arguments of `tpd.optimise`. Some have another meaning or default. The default
                 risk is `Risk.expected()` over the severities of all trial runs. The default limits are the
                 stroke and the clearance to the walls, at all times. In `requirements`, `wall_contacts` is the
@@ -142,13 +138,9 @@ class GroundMotionProblem(Problem):
         """
         checks.instance("scene", subject, (Scene, Block))
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
-        checked = checked_inputs(scene, _DEFAULTS, inputs | {"space": space})
+        checked = GroundMotionProblem.checked(scene, space=space, **inputs)
         check_ground_limits(checked["limits"])
-        groups = grouped(
-            conditions.motions,
-            VALIDATION_SHARE if validation_share is None else validation_share,
-            checked["seed"],
-        )
+        groups = grouped(conditions.motions, checked.pop("validation_share"), checked["seed"])
         # Compare by identity, because two equal records may belong to the search and to the validation.
         tuned = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
         which = np.asarray(conditions.which)
@@ -160,7 +152,7 @@ class GroundMotionProblem(Problem):
             which=np.searchsorted(tuned, which[rows]),
         )
         # Reject settings without effect, because a user would rely on them.
-        for name, usual in vars(_DEFAULTS["ensemble"]).items():
+        for name, usual in vars(GroundMotionProblem.defaults["ensemble"]).items():
             if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
                 raise ValueError(f"`ensemble.{name}` needs harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))

@@ -23,7 +23,7 @@ from tpd.core.formatting import number
 from tpd.core.progress import Progress, unreported
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, checked_inputs
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.search import Search, search
@@ -56,13 +56,6 @@ _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
 of designs that are drawn to select the latter."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
-_DEFAULTS = {
-    "risk": Risk.worst(),
-    "limits": DEFAULT_LIMITS,
-    "method": Descent(),
-    "ensemble": Ensemble(size=VALIDATION_RUNS),
-}
-"""Default inputs, apart from those of all problems."""
 _SMOOTH = 0.2
 """Smallest velocity ratio of impacts for which descents use smoothed impacts."""
 
@@ -103,6 +96,14 @@ class HarmonicProblem(Problem):
     """Initial states of the search."""
     objective: Objective
     """Quantity that the descents minimise. Trials and validation compare tilts."""
+    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+        "risk": Risk.worst(),
+        "limits": DEFAULT_LIMITS,
+        "method": Descent(),
+        "ensemble": Ensemble(size=VALIDATION_RUNS),
+        "starts": Starts.any(),
+        "objective": SteadyTilt(),
+    }
     settles: ClassVar[bool] = True
     pictures = *Problem.pictures, "conditions", "motion"
     has_earthquakes: ClassVar[bool] = False
@@ -116,8 +117,6 @@ class HarmonicProblem(Problem):
         space: DesignSpace | None = None,
         *,
         conditions: Conditions | None = None,
-        starts: Starts | None = None,
-        objective: Objective | None = None,
         **inputs: Any,
     ) -> HarmonicProblem:
         """Return the problem of a scene from the arguments of `tpd.optimise`. None stands for the default.
@@ -130,30 +129,24 @@ class HarmonicProblem(Problem):
             raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
         checks.instance("scene", scene, Scene)
         checks.optional("conditions", conditions, Conditions)
-        checks.optional("starts", starts, Starts)
         if not isinstance(scene.excitation, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: pass pulses and records as "
                 "`conditions=tpd.Conditions.records(...)`"
             )
-        checked = checked_inputs(scene, _DEFAULTS, inputs | {"space": space})
-        searched: DesignSpace = checked["space"]
+        checked = HarmonicProblem.checked(scene, space=space, **inputs)
         conditions = Conditions.around(scene) if conditions is None else conditions
         check_moves(scene, conditions)
-        check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
-        starts = Starts.any() if starts is None else starts
-        if starts.kind is StartKind.sampled:
+        varied = {name for name, factors in conditions.factors.items() if np.ptp(factors) > 0.0}
+        check_scatter(scene, varied, checked["space"])
+        check_objective(checked["objective"])
+        if checked["starts"].kind is StartKind.sampled:
             raise ValueError(
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: "
                 "`ensemble` defines the initial states of the runs"
             )
-        problem = HarmonicProblem(
-            scene=scene,
-            conditions=conditions,
-            starts=starts,
-            objective=SteadyTilt() if objective is None else check_objective(objective),
-            **checked | {"ensemble": checked["ensemble"].seeded(checked["seed"])},
-        )
+        checked["ensemble"] = checked["ensemble"].seeded(checked["seed"])
+        problem = HarmonicProblem(scene=scene, conditions=conditions, **checked)
         # The model is chosen now, because it may not fit the block.
         _ = problem.model
         return problem

@@ -116,7 +116,7 @@ def optimise(
     inputs |= {"requirements": requirements, "seed": seed, "objective": objective, "starts": starts}
     problem = problem_of(scene, space, conditions=conditions, validation_share=validation_share, **inputs)
     with shown(progress) as report:
-        return solve(problem, report)
+        return solve_problem(problem, report)
 
 
 def problem_of(
@@ -132,19 +132,17 @@ def problem_of(
         ValueError: an input is out of range, or does not fit the excitation.
     """
     checks.optional("conditions", conditions, Conditions)
-    ground = conditions is not None and bool(conditions.motions)
-    here, there = ("ground motions", "harmonics") if ground else ("harmonics", "ground motions")
     # Each kind of excitation has arguments of its own. A value for the other kind is an error, and None is
     # dropped, because the other class does not have the argument.
-    for name in ("starts", "objective") if ground else ("validation_share",):
-        if inputs.pop(name, None) is not None:
+    kinds = {"harmonics": HarmonicProblem, "ground motions": GroundMotionProblem}
+    here, there = kinds if conditions is None or not conditions.motions else reversed(kinds)
+    for name in kinds[there].defaults:
+        if name not in kinds[here].defaults and inputs.pop(name, None) is not None:
             raise ValueError(f"`{name}` is allowed only with {there}, but the conditions are {here}")
-    if conditions is not None and ground:
-        return GroundMotionProblem.of(scene, conditions, space, **inputs)
-    return HarmonicProblem.of(scene, space, conditions=conditions, **inputs)
+    return kinds[here].of(scene, space=space, conditions=conditions, **inputs)
 
 
-def solve(problem: Problem, progress: Progress = unreported) -> Design:
+def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     """Search, refine and validate a design for a problem; see `optimise`."""
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)

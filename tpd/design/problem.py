@@ -49,8 +49,6 @@ from tpd.theory.no_uplift import AtRest
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
-_DEFAULTS: dict[str, Any] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
-"""Default inputs of all problems."""
 _SCATTERED = {
     "mass": "the bob's mass",
     "length": "the rod's length",
@@ -99,6 +97,8 @@ class Problem(ABC):
     """Smallest benefit and largest harm of a recommended pendulum."""
     seed: int
     """Seed of all random choices."""
+    defaults: ClassVar[dict[str, Any]] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
+    """Inputs that this kind of problem has, with their defaults."""
     attempts: ClassVar[int]
     """Largest number of designs that are validated."""
     settles: ClassVar[bool] = False
@@ -131,6 +131,31 @@ class Problem(ABC):
     share of them has an interval."""
     begin_of_runs: ClassVar[str]
     """Words for the beginning of the validation runs."""
+
+    @classmethod
+    def checked(cls, scene: Scene, **inputs: Any) -> dict[str, Any]:
+        """Return the inputs, checked and with defaults in place of None and of missing inputs.
+
+        The design space of the result is in ratios, and within the limit on the mass of the bob.
+
+        Raises:
+            TypeError: the name of an input is unknown.
+            ValueError: an input is of another class than its default, or does not fit the scene.
+            RuntimeError: JAX is in 32-bit mode.
+        """
+        # 32-bit numbers would give wrong results without an error, so check this first.
+        checks.require_x64()
+        defaults = cls.defaults
+        if unknown := inputs.keys() - defaults.keys():
+            raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
+        checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}
+        for name in defaults.keys() - {"limits", "seed", "objective", "validation_share"}:
+            checks.instance(name, checked[name], type(defaults[name]))
+        seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
+        checked |= {"seed": seed, "limits": limits}
+        check_cavity(scene.block, checked["limits"])
+        space = check_fit(scene, checked["space"], checked["ensemble"])
+        return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -427,32 +452,6 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values that a file can hold, without those that are None."""
     plain = {key: x.tolist() if isinstance(x, np.generic) else x for key, x in values.items()}
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
-
-
-def checked_inputs(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the inputs that all problems have, checked and with defaults in place of None and of missing
-    inputs.
-
-    The design space of the result is in ratios, and within the limit on the mass of the bob.
-
-    Raises:
-        TypeError: the name of an input is unknown.
-        ValueError: an input is of another class than its default, or does not fit the scene.
-        RuntimeError: JAX is in 32-bit mode.
-    """
-    # 32-bit numbers would give wrong results without an error, so check this first.
-    checks.require_x64()
-    defaults = _DEFAULTS | defaults
-    if unknown := inputs.keys() - defaults.keys():
-        raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
-    checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}
-    for name in defaults.keys() - {"limits", "seed"}:
-        checks.instance(name, checked[name], type(defaults[name]))
-    seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
-    checked |= {"seed": seed, "limits": limits}
-    check_cavity(scene.block, checked["limits"])
-    space = check_fit(scene, checked["space"], checked["ensemble"])
-    return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:

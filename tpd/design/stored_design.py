@@ -119,7 +119,7 @@ def _pendulum(content: dict[str, Any]) -> Pendulum | None:
     if content["pendulum"] is None:
         return None
     values, names = _key(content, "pendulum", dict), [f.name for f in fields(Pendulum)]
-    if set(values) != set(names):
+    if values.keys() != set(names):
         raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {', '.join(values) or 'none'}")
     with naming("pendulum"):
         return Pendulum(**values)

@@ -96,7 +96,12 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += [*problem.harm_from_rest(exact), *_sliding(problem, design)]
+    reasons += problem.harm_from_rest(exact)
+    friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
+    if friction is not None:
+        needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
+        if not needed <= friction:
+            reasons.append(Reason(kind=ReasonKind.slides, value=needed, reference=friction))
     decided = quoted = None
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
@@ -125,7 +130,7 @@ def validate(
         status = DesignStatus.undecided if unknown else DesignStatus.not_recommended
     return Validated(
         design=design,
-        pendulum=problem.pendulum(design),
+        pendulum=pendulum,
         exact=exact,
         decided=decided,
         quoted=quoted,
@@ -139,17 +144,6 @@ def validate(
 def run_seed(problem: Problem, attempt: int, part: int) -> int:
     """Return the seed of the validation runs of one attempt. No other stage uses this seed."""
     return problem.run_seed(2, attempt, part)
-
-
-def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
-    """Sliding of the base while the block rocks, if its coefficient of friction is stated."""
-    friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
-    if friction is None:
-        return []
-    needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
-    return (
-        [Reason(kind=ReasonKind.slides, value=needed, reference=friction)] if not needed <= friction else []
-    )
 
 
 def _by_runs(
