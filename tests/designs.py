@@ -73,6 +73,7 @@ class NoisyProblem(Problem):
     has_validation_runs: ClassVar[bool] = True
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
+    assumed_excitation: ClassVar[str] = "Noise."  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0
     """Share of the runs without an answer."""

@@ -228,6 +228,11 @@ class GroundMotionProblem(Problem):
         """See `Problem.excitation_in_words`."""
         return f"ground motions from rest ({', '.join(f'{g.name}: {len(g.motions)}' for g in self.groups)})"
 
+    @property
+    def assumed_excitation(self) -> str:
+        """See `Problem.assumed_excitation`."""
+        return f"Excitation from rest: {'; '.join(self.conditions.description)}."
+
     def isolation(self) -> tuple[np.ndarray, float]:
         """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
         acceleration."""

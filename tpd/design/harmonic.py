@@ -257,6 +257,17 @@ class HarmonicProblem(Problem):
         peak = number(float(self.scene.peak), 3)
         return f"{self.scene.excitation.in_words}, largest acceleration {peak} g"
 
+    @property
+    def assumed_excitation(self) -> str:
+        """See `Problem.assumed_excitation`."""
+        motion, g = self.scene.excitation, number(self.scene.gravity)
+        more = "" if len(self.conditions) == 1 else ", with the changes of the conditions"
+        sine = f"{number(motion.amplitude)} m · sin(2π · {number(motion.frequency)} Hz · t)"
+        return (
+            "Excitation: horizontal harmonic motion of the base in the plane of the block, "
+            f"{sine}{more}. g = {g} m/s²."
+        )
+
     def isolation(self) -> tuple[np.ndarray, float]:
         """Return the period for the lowest frequency only; see `Problem.isolation`."""
         lowest = float(self.scene.excitation.frequency * np.min(self.conditions.column("frequency")))

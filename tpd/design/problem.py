@@ -303,6 +303,11 @@ class Problem(ABC):
     def excitation_in_words(self) -> str:
         """Words for the excitation."""
 
+    @property
+    @abstractmethod
+    def assumed_excitation(self) -> str:
+        """Sentence on the excitation as the runs assume it."""
+
     @abstractmethod
     def isolation(self) -> tuple[np.ndarray, float]:
         """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the

@@ -185,27 +185,27 @@ def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.
     """
     checks.instance("scene", scene, Scene)
     sliding = checks.positive("sliding", sliding)
-    p, motion = parameters_under(scene, pendulum), scene.excitation
-    body = body_of(scene, p, sliding)
-    ground = isinstance(motion, GroundMotion)
+    p = parameters_under(scene, pendulum)
+    body, (series, end) = body_of(scene, p, sliding), _series(scene.excitation)
     return _rendered(
         "opensees.tcl.j2",
         body=body,
         ratio=float(p.velocity_ratio),
         step=_STEP_OPENSEES * body.contact_time,
-        end=float(motion.duration) + _FREE if ground else HARMONIC_PERIODS / float(motion.frequency),
-        series=_series(motion),
+        end=end,
+        series=series,
     )
 
 
-def _series(motion: Harmonic | GroundMotion) -> str:
-    """Return time series 1, the acceleration of the base, in Tcl."""
+def _series(motion: Harmonic | GroundMotion) -> tuple[str, float]:
+    """Return time series 1, the acceleration of the base, in Tcl, and the end of the run, s."""
     if isinstance(motion, Harmonic):
         # The base moves to the right first, and decelerates.
         peak, period = -float(motion.amplitude) * float(motion.rate) ** 2, 1.0 / float(motion.frequency)
-        return f"timeSeries Trig 1 0.0 $tEnd {period!r} -factor {peak!r}"
+        series = f"timeSeries Trig 1 0.0 $tEnd {period!r} -factor {peak!r}"
+        return series, HARMONIC_PERIODS / float(motion.frequency)
     piece = float(motion.piece)
     # Linear between samples. This is exact for a record, and the pieces of a pulse are short.
     values = motion.acceleration_at(np.arange(len(motion.pieces()) + 1) * piece)
     listed = textwrap.fill(" ".join(map(repr, values.tolist())), 100, break_on_hyphens=False)
-    return f"timeSeries Path 1 -dt {piece!r} -values {{\n{listed}\n}}"
+    return f"timeSeries Path 1 -dt {piece!r} -values {{\n{listed}\n}}", float(motion.duration) + _FREE

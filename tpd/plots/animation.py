@@ -138,15 +138,15 @@ def _stage(
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen. Bob angles are always large enough.
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
-    base, is_fixed = np.zeros_like(times), not isinstance(scene.excitation, Harmonic)
+    base, reach, is_fixed = np.zeros_like(times), 0.0, not isinstance(scene.excitation, Harmonic)
     if not is_fixed:
-        base = scene.excitation.amplitude * np.sin(scene.excitation.rate * times)
+        reach = scene.excitation.amplitude
+        base = reach * np.sin(scene.excitation.rate * times)
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
     films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
     points = np.concatenate([x for film in films for shapes in film for x in shapes])
     # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
-    reach = scene.excitation.amplitude if isinstance(scene.excitation, Harmonic) else 0.0
     side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
     low, high = min(float(points[:, 1].min()), 0.0) - pad, float(points[:, 1].max()) + pad
     shape = 2.0 * side / (high - low)

@@ -172,18 +172,9 @@ def _assumptions(design: Design) -> list[str]:
     limits = "; ".join(map(words.limit, problem.run_limits)) or "none"
     orbits = "; ".join(words.limit(limit) for limit in problem.limits if not limit.of_motion)
     of_orbits = f" Limits on the settled motion under each condition: {orbits}." if orbits else ""
-    # Ground motions are described by their conditions, a harmonic motion by its formula.
-    if not problem.settles:
-        text.append(f"Excitation from rest: {'; '.join(design.conditions.description)}.")
-    else:
-        more = "" if len(design.conditions) == 1 else ", with the changes of the conditions"
-        text.append(
-            "Excitation: horizontal harmonic motion of the base in the plane of the block, "
-            f"{number(scene.excitation.amplitude)} m · sin(2π · {number(scene.excitation.frequency)} Hz · t)"
-            f"{more}. g = {number(scene.gravity)} m/s²."
-        )
     return [
         *text,
+        problem.assumed_excitation,
         "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
         "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
         f"Scatter of the validation runs: {problem.scatter_in_words()}. Each is uniformly distributed and "
