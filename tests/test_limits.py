@@ -47,6 +47,16 @@ class Lighter(Limit):
         return geometry.mass(design) / self.kg
 
 
+@dataclasses.dataclass(frozen=True)
+class Swing(tpd.limits.Objective):
+    """Objective of a user: the settled bob angle over a right angle."""
+
+    name = "swing"
+
+    def size(self, motion, design, geometry):
+        return motion.swing / (0.5 * np.pi)
+
+
 class Nameless(Lighter):
     """No dataclass of its own, so that its numbers would not tell it apart."""
 
@@ -167,16 +177,21 @@ def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"worsening", "multiplier", "reserve"}
 
 
-def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
+def test_a_search_keeps_the_limit_of_a_user_and_reduces_the_objective_of_a_user():
     own = Lighter(1.0)
     limits = check_limits((own, tpd.limits.Stroke(1.5)))
     assert limits == (tpd.limits.Stroke(1.5), own)
     assert words.limit(own) == "lighter kg = 1.0"
     method = tpd.Descent(searches=2, screening=16, steps=8, model=tpd.Piecewise())
-    found = HarmonicProblem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
-    history = search(found.orbits, method, 0)
-    heaviest = history.ends[np.isfinite(history.end_values)][:, 0].max() * SCENE.block.mass
-    assert 0.9 < heaviest <= 1.0
+    ends = {}
+    for objective in (tpd.limits.SteadyTilt(), Swing()):
+        inputs = {"conditions": tpd.Conditions.exactly(), "limits": limits, "method": method}
+        orbits = HarmonicProblem.of(SCENE, WIDE, objective=objective, **inputs).orbits
+        history = search(orbits, method, 0)
+        ends[objective.name] = orbits.evaluate(history.ends[np.isfinite(history.end_values)])
+        assert np.all(ends[objective.name].design[:, 0] * SCENE.block.mass <= 1.0)
+    assert ends["tilt"].design[:, 0].max() * SCENE.block.mass > 0.9
+    assert ends["swing"].swing.min() < ends["tilt"].swing.min()
 
 
 def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():

@@ -77,10 +77,22 @@ def test_sizes_are_in_the_order_of_the_limits_also_without_a_design():
     assert evaluate_sizes([], evaluation(1), GEOMETRY) == []
 
 
-@pytest.mark.parametrize("of", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0])
+@pytest.mark.parametrize("of", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0, str])
 def test_a_function_that_jax_cannot_differentiate_is_rejected_in_one_sentence(of):
     with pytest.raises(
         ValueError, match="`size` of each of anything must be one number that JAX can"
     ) as error:
         evaluate_sizes([Anything(of)], evaluation(1), GEOMETRY, slopes=True)
     assert "\n" not in str(error.value)
+
+
+def test_a_size_is_a_number_wherever_the_motion_is_known():
+    message = "`size` of anything must be a number for every motion, but is NaN at mu = 0.2, lam = 0.2"
+    with pytest.raises(ValueError, match=message):
+        evaluate_sizes([Anything(lambda tilt: jnp.sqrt(-tilt))], evaluation(2), GEOMETRY)
+    unknown = evaluation(2)._replace(tilt=np.full((2, 2), np.nan))
+    (size,) = evaluate_sizes([Anything(jnp.sin)], unknown, GEOMETRY)
+    assert np.isnan(size.value).all()
+    # A limit that no design can keep is allowed.
+    (size,) = evaluate_sizes([Anything(lambda tilt: tilt / 0.0)], evaluation(2), GEOMETRY)
+    assert np.isinf(size.value).all()

@@ -125,12 +125,19 @@ def evaluate_sizes(
     flat = jax.tree.map(lambda x: np.resize(x if count else 1.0, (one, *x.shape[2:])), batch)
     try:
         values, by = in_chunks(_sizes_of(functions, g.bob, slopes), flat)
-    except (TypeError, jax.errors.JAXTypeError) as error:
+    except (TypeError, ValueError, jax.errors.JAXTypeError) as error:
         names, why = ", ".join(f.name for f in functions), str(error).splitlines()[0]
         raise ValueError(
             f"`size` of each of {names} must be one number that JAX can differentiate (with `jax.numpy` and "
             f"without `if`), but has the error: {why}"
         ) from error
+    # A size is known wherever the motion is. In particular, NaN would neither keep nor exceed a limit.
+    known = np.all([np.isfinite(x) for x in (*motion, *design)], axis=0).ravel()
+    for name, x in values.items():
+        if np.isnan(missing := x[:count][known]).any():
+            mu, lam, zeta = (x.ravel()[known][np.isnan(missing)][0] for x in design)
+            at = f"mu = {mu:.3g}, lam = {lam:.3g}, zeta = {zeta:.3g}"
+            raise ValueError(f"`size` of {name} must be a number for every motion, but is NaN at {at}")
     # A derivative that does not exist shows no direction.
     finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
     return [Size(name, x[:count].reshape(m, n), finite.get(name, none)) for name, x in values.items()]
