@@ -102,11 +102,11 @@ class Printed:
 
 
 class Tabular:
-    """Base class of results that are tables. A subclass defines `columns`."""
+    """Base class of results that are tables."""
 
     def columns(self) -> dict[str, Any]:
-        """Return the columns of the table by their names, each of shape (n,)."""
-        raise NotImplementedError
+        """Return the columns of the table by their names, each of shape (n,); by default the fields."""
+        return dict(vars(self))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the columns as a data frame of pandas.

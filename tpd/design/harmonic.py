@@ -216,12 +216,6 @@ class HarmonicProblem(Problem):
         # Limits that compare with the block without a pendulum need its tilts.
         return orbits.compared_without_pendulum()
 
-    @property
-    def _none(self) -> np.ndarray:
-        """Design with a bob without mass, which does not act on the block."""
-        p = self.orbits.p
-        return np.array([0.0, float(p.lam), float(p.zeta)])
-
     def harm_from_rest(self, exact: Any) -> list[Reason]:
         """Return a reason if the block overturns from rest under significantly more conditions.
 
@@ -283,7 +277,7 @@ class HarmonicProblem(Problem):
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
-        q = under_all(as_arrays(self.scene.parameters()), self._none[None], self.conditions)
+        q = under_all(as_arrays(self.scene.parameters()), self.orbits.massless, self.conditions)
         return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
@@ -318,11 +312,9 @@ class HarmonicProblem(Problem):
                 out[size.name] = value if at_rest is None else np.maximum(at_rest, value)
         return out
 
-    def value_of(self, runs: Runs) -> float:
-        """Return the mean severity, which is what the benefit compares. Only the descents use the risk
-        measure."""
-        severity = runs.severity[~runs.is_unanswered]
-        return float(severity.mean()) if len(severity) else np.nan
+    def risk_of(self, severity: np.ndarray) -> float:
+        """Return the mean, which is what the benefit compares. Only the descents use the risk measure."""
+        return float(severity.mean())
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`."""
@@ -375,14 +367,12 @@ class HarmonicProblem(Problem):
         """Return the exact motions of a design under all conditions; None for the design means no
         pendulum."""
         orbits = self.orbits
-        row = self._none if design is None else design
-        e = orbits.evaluate(row[None])
-        q = under_all(orbits.p, row[None], self.conditions)
+        row = orbits.massless if design is None else design[None]
+        e, q = orbits.evaluate(row), under_all(orbits.p, row, self.conditions)
         run = follow(Terms.linear, row_of(q), HarmonicForcing())
         # Runs from rest by the exact solution, for comparison with the orbits in closed form.
         outcome, lift = code_of(run.status), uplift(q)
-        names = "tilt", "settled_tilt", "swing", "settled_swing"
-        sizes = {name: getattr(run, name) for name in names}
+        sizes = {name: getattr(run, name) for name in ("tilt", "settled_tilt", "swing", "settled_swing")}
         # A run ends when the block comes to rest, but the bob may still swing. Its settled swing has a closed
         # form.
         sizes["settled_swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["settled_swing"])

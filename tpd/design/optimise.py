@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -284,10 +284,6 @@ class Designs(Printed, Tabular):
     """Mean severity with the pendulum."""
     value_without: np.ndarray
     """Mean severity without a pendulum."""
-
-    def columns(self) -> dict[str, Any]:
-        """Return a table with one row for every block and one column for every field."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def __str__(self) -> str:
         return f"Designs for {len(self.status)} blocks: {counted(self.status)}"

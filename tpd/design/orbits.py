@@ -126,13 +126,17 @@ class Orbits:
         slope = np.where(rocks[..., None], size.slope, e.merit_slope)
         return e._replace(merit=np.where(rocks, size.value, e.merit), merit_slope=slope)
 
+    @property
+    def massless(self) -> np.ndarray:
+        """Design with a bob without mass, which does not act on the block, (1, 3)."""
+        return np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
+
     def compared_without_pendulum(self) -> Orbits:
         """Return this objective with the tilts of the block without a pendulum, for limits that compare with
         them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
-        none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
-        e = self.evaluate(none)
+        e = self.evaluate(self.massless)
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 

@@ -383,7 +383,11 @@ class Problem(ABC):
     def value_of(self, runs: Runs) -> float:
         """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""
         severity = runs.severity[~runs.is_unanswered]
-        return float(self.risk.of(severity)) if len(severity) else np.nan
+        return self.risk_of(severity) if len(severity) else np.nan
+
+    def risk_of(self, severity: np.ndarray) -> float:
+        """Return the risk measure by which trial runs compare designs."""
+        return float(self.risk.of(severity))
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """Return the limited quantities that need no run, over their limits, by name, (m,).

@@ -134,10 +134,10 @@ def evaluate_sizes(
     # A size is known wherever the motion is. In particular, NaN would neither keep nor exceed a limit.
     known = np.all([np.isfinite(x) for x in (*motion, *design)], axis=0).ravel()
     for name, x in values.items():
-        if np.isnan(missing := x[:count][known]).any():
-            mu, lam, zeta = (x.ravel()[known][np.isnan(missing)][0] for x in design)
-            at = f"mu = {mu:.3g}, lam = {lam:.3g}, zeta = {zeta:.3g}"
-            raise ValueError(f"`size` of {name} must be a number for every motion, but is NaN at {at}")
+        if np.isnan(x[:count][known]).any():
+            raise ValueError(
+                f"`size` of {name} must be a number for every motion, but is NaN for some of them"
+            )
     # A derivative that does not exist shows no direction.
     finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
     return [Size(name, x[:count].reshape(m, n), finite.get(name, none)) for name, x in values.items()]
