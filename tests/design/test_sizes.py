@@ -87,7 +87,7 @@ def test_a_function_that_jax_cannot_differentiate_is_rejected_in_one_sentence(of
 
 
 def test_a_size_is_a_number_wherever_the_motion_is_known():
-    message = "`size` of anything must be a number for every motion, but is NaN for some of them"
+    message = "`size` of anything must be a number for every motion, but is NaN for some"
     with pytest.raises(ValueError, match=message):
         evaluate_sizes([Anything(lambda tilt: jnp.sqrt(-tilt))], evaluation(2), GEOMETRY)
     unknown = evaluation(2)._replace(tilt=np.full((2, 2), np.nan))

@@ -135,9 +135,7 @@ def evaluate_sizes(
     known = np.all([np.isfinite(x) for x in (*motion, *design)], axis=0).ravel()
     for name, x in values.items():
         if np.isnan(x[:count][known]).any():
-            raise ValueError(
-                f"`size` of {name} must be a number for every motion, but is NaN for some of them"
-            )
+            raise ValueError(f"`size` of {name} must be a number for every motion, but is NaN for some")
     # A derivative that does not exist shows no direction.
     finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
     return [Size(name, x[:count].reshape(m, n), finite.get(name, none)) for name, x in values.items()]
