@@ -340,4 +340,5 @@ class SmoothedOrbits:
 def prepare_step(orbits: Orbits, model: Smoothed) -> None:
     """Start to compile the step in a thread. The first evaluation waits until the step is compiled."""
     batch = orbits.p, np.zeros((1, 3)), orbits.conditions.factor_rows()[:1], np.zeros((1, 4))
-    prepare(half_period(model), batch, chunk=_CHUNK)
+    step = half_period(model)
+    prepare(step, batch, chunk=_CHUNK)

@@ -123,8 +123,9 @@ def evaluate_sizes(
     # Without a pair, a pair of ones gives the names of the sizes.
     count, one = m * n, max(m * n, 1)
     flat = jax.tree.map(lambda x: np.resize(x if count else 1.0, (one, *x.shape[2:])), batch)
+    evaluate = _sizes_of(functions, g.bob, slopes)
     try:
-        values, by = in_chunks(_sizes_of(functions, g.bob, slopes), flat)
+        values, by = in_chunks(evaluate, flat)
     except (TypeError, ValueError, jax.errors.JAXTypeError) as error:
         names, why = ", ".join(f.name for f in functions), str(error).splitlines()[0]
         raise ValueError(
