@@ -40,11 +40,6 @@ SENTENCES = {
         "while the block rocks with the pendulum, its base needs a coefficient of friction of 0.52, but has "
         "0.4: the base would slide, and the equations have no sliding",
     ),
-    ReasonKind.slides: (
-        {"value": 0.517, "reference": 0.4},
-        "while the block rocks with the pendulum, its base needs a coefficient of friction of 0.52, but has "
-        "0.4: the base would slide, and the equations have no sliding",
-    ),
     ReasonKind.undecided: (
         {"value": 3.0, "total": 64},
         "3 of 64 runs have no result, and the verdict depends on them",
@@ -58,51 +53,53 @@ def test_a_reason_makes_a_sentence(kind):
     assert str(Reason(kind=kind, condition="2.5 Hz", **given)) == sentence
 
 
-def test_a_sentence_has_no_number_that_is_none():
-    """Of one earthquake there is no interval."""
-    few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
-    assert "inf" not in str(Reason(value=0.73, low=-math.inf, **few))
-    assert "the share of runs that overturn falls by 8.0 % (95 % interval from -4.0 %), but" in str(
-        Reason(value=0.08, low=-0.04, measure="overturning", **few)
-    )
-    unknown = "share of runs that overturn is unknown (no run overturns without the pendulum)"
-    assert unknown in str(Reason(measure="overturning", **few))
-    assert "increases by 10.0 % (" in str(Reason(value=-0.1, low=-0.3, **few))
-    # All runs have no name.
-    every = {"kind": ReasonKind.overturns_more, "value": 2.0, "reference": 1.0, "total": 9}
-    assert "in 2 of 9 runs only with" in str(Reason(**every))
-    # One condition alone is counted with no others.
-    alone = {"kind": ReasonKind.worse_condition, "condition": "2.5 Hz", "value": 0.3, "reference": 0.2}
-    assert str(Reason(total=1, **alone)).endswith("for 2.5 Hz")
+NEARLY = {"value": 0.1999, "low": 0.12, "reference": 0.2}
+UNSURE = {"value": 0.3, "low": 0.0998, "reference": 0.2}
+WALL = {"value": 0.01004, "reference": 0.01}
+FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
 
 
 @pytest.mark.parametrize(
     ("kind", "given", "words"),
     [
-        ("too_little_benefit", {"value": 0.1999, "low": 0.12, "reference": 0.2}, "falls by 19.99 % (95 % in"),
-        (
-            "too_little_benefit",
-            {"value": 0.1999, "low": 0.12, "reference": 0.2},
-            "at least 20.00 % is required",
-        ),
-        ("too_little_benefit", {"value": 0.3, "low": 0.0998, "reference": 0.2}, "from 9.98 %), but"),
-        ("too_little_benefit", {"value": 0.3, "low": 0.0998, "reference": 0.2}, "begins above 10.00 %"),
+        ("too_little_benefit", NEARLY, "falls by 19.99 % (95 % in"),
+        ("too_little_benefit", NEARLY, "at least 20.00 % is required"),
+        ("too_little_benefit", UNSURE, "from 9.98 %), but"),
+        ("too_little_benefit", UNSURE, "begins above 10.00 %"),
         ("too_little_benefit", {"value": -1e-5, "low": -1.0, "reference": 0.0}, "increases by 0.001 %"),
-        ("touches_wall", {"value": 0.01004, "reference": 0.01}, "in 1.004 % of the runs"),
-        ("touches_wall", {"value": 0.01004, "reference": 0.01}, "at most 1.000 % are allowed"),
+        ("too_little_benefit", {"value": -0.1, "low": -0.3, "reference": 0.1}, "increases by 10.0 % ("),
+        ("touches_wall", WALL, "in 1.004 % of the runs"),
+        ("touches_wall", WALL, "at most 1.000 % are allowed"),
         ("breaks_limit", {"value": 1.0003}, "1.0003 times the limit"),
         ("slides", {"value": 0.3304, "reference": 0.33}, "of 0.3304, but has 0.33"),
         ("worse_condition", {"value": 0.3003, "reference": 0.3, "total": 1}, "30.03 % of the slenderness"),
+        # All runs have no name, and one condition alone is counted with no others.
+        ("overturns_more", {"value": 2.0, "reference": 1.0, "total": 9}, "in 2 of 9 runs only with"),
+        ("worse_condition", {"condition": "2.5 Hz", "reference": 0.2, "total": 1}, "for 2.5 Hz$"),
+        # Without enough earthquakes or overturned runs there is no interval.
+        ("too_little_benefit", {"value": 0.995, "low": -math.inf, "reference": 0.1}, FEW),
+        ("too_little_benefit", {"value": 0.995, "low": math.nan, "reference": 0.1}, FEW),
+        (
+            "too_little_benefit",
+            {"value": 0.08, "low": -0.04, "reference": 0.1, "measure": "overturning"},
+            "the share of runs that overturn falls by 8.0 % (95 % interval from -4.0 %), but",
+        ),
+        (
+            "too_little_benefit",
+            {"reference": 0.1, "measure": "overturning"},
+            "share of runs that overturn is unknown (no run overturns without the pendulum)",
+        ),
+        (
+            "too_little_benefit",
+            {"value": 0.05, "reference": 0.0, "low": -0.01},
+            "(95 % interval from -1.0 %), but a significant reduction is required$",
+        ),
     ],
 )
-def test_the_digits_that_decide_are_printed(kind, given, words):
-    assert words in str(Reason(kind=ReasonKind[kind], **given))
-
-
-@pytest.mark.parametrize("low", [-math.inf, math.nan])
-def test_an_unknown_interval_is_the_reason(low):
-    sentence = str(Reason(kind=ReasonKind.too_little_benefit, value=0.995, low=low, reference=0.1))
-    assert "falls by 99.5 % (too few earthquakes or overturned runs for an interval)" in sentence
+def test_a_sentence_has_the_digits_that_decide(kind, given, words):
+    sentence = str(Reason(kind=ReasonKind[kind], **given)) + "$"
+    assert words in sentence
+    assert "inf" not in sentence
 
 
 @pytest.mark.parametrize(
@@ -119,6 +116,10 @@ def test_an_unknown_interval_is_the_reason(low):
         ("too_little_benefit", {"value": 0.2, "low": -0.05, "reference": 0.1}, 0.05),
         ("too_little_benefit", {"value": -0.1, "low": -0.3, "reference": 0.1}, 0.3),
         ("too_little_benefit", {"reference": 0.1}, 1.0),
+        # A quantity that is not known is missed most.
+        ("breaks_limit", {"reference": 0.3}, math.inf),
+        ("touches_wall", {"reference": 0.3}, math.inf),
+        ("slides", {"reference": 0.3}, math.inf),
     ],
 )
 def test_by_how_much_a_requirement_is_missed(kind, given, missed):
@@ -139,13 +140,3 @@ def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8
-
-
-def test_a_reduction_that_only_has_to_be_significant_has_no_number():
-    reason = Reason(kind=ReasonKind.too_little_benefit, value=0.05, reference=0.0, low=-0.01, measure="tilt")
-    assert str(reason).endswith("(95 % interval from -1.0 %), but a significant reduction is required")
-
-
-def test_an_unknown_quantity_has_the_largest_shortfall():
-    for kind in (ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides):
-        assert Reason(kind=kind, value=math.nan, reference=0.3).shortfall == math.inf
