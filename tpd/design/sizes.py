@@ -132,10 +132,10 @@ def evaluate_sizes(
             f"`size` of each of {names} must be one number that JAX can differentiate (with `jax.numpy` and "
             f"without `if`), but has the error: {why}"
         ) from error
-    # A size is known wherever the motion is. In particular, NaN would neither keep nor exceed a limit.
-    known = np.all([np.isfinite(x) for x in (*motion, *design)], axis=0).ravel()
+    # A motion that is finite has a size that is a number. NaN would neither keep nor exceed a limit.
+    is_motion = np.all([np.isfinite(x) for x in (*motion, *design)], axis=0).ravel()
     for name, x in values.items():
-        if np.isnan(x[:count][known]).any():
+        if np.isnan(x[:count][is_motion]).any():
             raise ValueError(f"`size` of {name} must be a number for every motion, but is NaN for some")
     # A derivative that does not exist shows no direction.
     finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
