@@ -53,8 +53,10 @@ def test_a_pulse_is_its_formula(kind):
     np.testing.assert_array_equal(pulse.acceleration_at([-0.01, periods / F + 0.01]), 0.0)
 
 
-def test_the_smallest_phase_and_number_of_cycles_are_allowed():
-    assert Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=-6.28).phase == -6.28
+def test_phases_of_a_turn_and_a_single_cycle_are_allowed():
+    for phase in (-6.28, 6.28):
+        pulse = Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=phase)
+        assert pulse.phase == phase
     assert Pulse.sine_train(acceleration=A, frequency=F, cycles=1).cycles == 1.0
 
 
