@@ -212,7 +212,7 @@ def test_stored_runs_hold_near_their_design_only(show):
     window = show("design")
     value, source = row(window, "overturned")
     assert source.startswith("validation runs: ")
-    assert re.search(r"^[\d.]+ %; without a pendulum [\d.]+ % \(95 % interval of the difference", value)
+    assert re.search(r"^[\d.]+ % with the pendulum, [\d.]+ % without it \(difference: 95 % interval ", value)
     assert row(window, "mean")[1] == source
     assert row(window, "validation") == ("no reason against this design", "validation runs")
     verdict = banner(window)

@@ -29,6 +29,7 @@ KEYS = {
     "space",
     "recommended",
     "runs",
+    "no_runs",
     "controls",
 }
 BLOCK = {"width": 1.0, "height": 6.0, "mass": 5770.0, "cavity_width": 0.7}
@@ -63,9 +64,16 @@ def test_a_design_begins_with_its_pendulum_and_has_its_runs():
     assert out["verdict"] == design.status.value
     assert tuple(out["recommended"].values()) == sizes
     runs = out["runs"][-1]
-    for name, change in (("mean", "mean severity"), ("overturned", "overturned")):
-        assert runs[name] == last.runs.change(change)._asdict()
-    assert runs["benefit"]["mean"] == last.runs.benefit.mean
+    overturned, mean, verdict = runs["rows"]
+    change, fell = last.runs.change("overturned"), last.runs.benefit
+    assert overturned[2] == (
+        f"2.5 % with the pendulum, 12.5 % without it (difference: 95 % interval {100 * change.low:.0f} to "
+        f"{100 * change.high:.0f} %)"
+    )
+    around = f"95 % interval {100 * fell.low:.0f} to {100 * fell.high:.0f} %"
+    assert mean[2].endswith(f": reduction {100 * fell.mean:.0f} % ({around})")
+    assert mean[3] == overturned[3] == f"validation runs: {last.runs.description}"
+    assert verdict[2:] == ("no reason against this design", "validation runs")
     # The range in which the runs hold is the tolerance range of the design.
     si = np.array([float(SCENE.block.mass), 0.2, 1.0])
     for i, end in enumerate(("low", "high")):
@@ -87,7 +95,7 @@ def test_a_rejected_design_begins_with_the_last_pendulum_that_was_validated():
     assert out["recommended"] is None
     assert values(out)["mass"] == float(design.validated[-1].pendulum.mass)
     (runs,) = out["runs"]
-    assert runs["sentences"] == list(design.validated[-1].refusals)
+    assert runs["rows"][-1][2] == " ".join(design.validated[-1].refusals)
     np.testing.assert_allclose(np.divide(runs["high"], runs["low"]), [1.02 / 0.98, 1.02 / 0.98, 1.2 / 0.8])
     assert "recommended" not in out["tables"]
 
@@ -162,11 +170,14 @@ def test_stored_runs_under_earthquakes_are_those_that_the_description_counts():
     (runs,) = content(design)["runs"]
     pairs = design.validated[-1].runs
     counted = pairs.counted & pairs.is_answered
-    assert runs["description"].startswith(f"{int(counted.sum())} paired runs")
+    (overturned, mean, _) = runs["rows"]
+    assert overturned[3].startswith(f"validation runs: {int(counted.sum())} paired runs")
     assert counted.sum() < len(counted)
-    for name, case in (("with_pendulum", pairs.with_pendulum), ("without_pendulum", pairs.without_pendulum)):
-        assert runs["overturned"][name] == np.mean(case.is_overturned[counted])
-        assert runs["mean"][name] == np.mean(case.severity[counted])
+    cases = pairs.with_pendulum, pairs.without_pendulum
+    shares = [f"{100 * np.mean(case.is_overturned[counted]):.1f} % with" for case in cases]
+    tilts = [f"{np.mean(case.severity[counted]):.3g}" for case in cases]
+    assert overturned[2].startswith(f"{shares[0]} the pendulum, {shares[1]}out it")
+    assert mean[2].startswith(f"{tilts[0]}; without a pendulum {tilts[1]}: reduction ")
 
 
 def test_a_simulation_lasts_as_long_as_a_validation_run():

@@ -53,7 +53,7 @@ def interval(value: float, low: float, high: float, digits: int = 0) -> str:
 
 def confidence(low: float, high: float) -> str:
     """Format the interval of 95 % confidence of a share, such as "(95 % interval 22 to 28 %)"."""
-    return f"(95 % interval {ends(low, high)})"
+    return f"(95 % interval {ends(low, high) if math.isfinite(low) else 'unknown'})"
 
 
 def with_and_without(pendulum: float, without: float) -> str:

@@ -177,24 +177,6 @@ function steadyRows(now, [largest, alone], pendulum, body) {
   ].slice(0, scene.cavity && body.exists ? 5 : 4);
 }
 
-/** Return the rows of stored validation runs. */
-function runRows(runs) {
-  const rows = [["overturned", "Share overturned"], ["mean", "Mean tilt over the slenderness"]];
-  const reason = "no validation runs near this design and base motion";
-  if (!runs) return rows.map((row) => [...row, "not simulated", reason]);
-  const casesOf = (change) => [change.with_pendulum, change.without_pendulum];
-  const interval = ({ low, high }) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
-  const { overturned, benefit } = runs, [share, alone] = casesOf(overturned).map(percent);
-  const [mean, meanAlone] = casesOf(runs.mean).map((x) => format(x));
-  const texts = [
-    `${share}; without a pendulum ${alone} (95 % interval of the difference ${interval(overturned)})`,
-    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(benefit.mean)} (95 % interval ${interval(benefit)})`,
-  ];
-  const verdict = runs.sentences.join(" ") || "no reason against this design";
-  const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
-  return [...quoted, ["validation", "Validation", verdict, "validation runs"]];
-}
-
 /** Return the share of a limit as a text, with the digits that decide. */
 function usedText({ name, share, exceeded }, without) {
   const digits = [3, 4, 5, 6].map((n) => format(100 * share, n)).find((text) => text !== "100") ?? "100";
@@ -217,7 +199,7 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
     ["largest", "Largest tilt over the slenderness", unlessEnded(largest, angleText(largest.tilt)), source],
     ["largest-without", "Largest tilt without a pendulum", unlessEnded(alone, angleText(alone.tilt)), source],
     ...steadyRows(now, [largest, alone], pendulum, body),
-    ...runRows(runsNear(pendulum)),
+    ...(runsNear(pendulum)?.rows ?? data.no_runs),
     ["tension", "Largest force in the rod", unlessEnded(largest, load), source],
     ["moment", "Largest moment of the damper", unlessEnded(largest, moment), source],
     ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 import tpd
 from tpd.answers.transient import FREE
 from tpd.core import checks
+from tpd.core.formatting import confidence, number, percent, with_and_without
 from tpd.design.design import Design
 from tpd.design.ground_motion import motion_factors
 from tpd.design.harmonic import HarmonicProblem
@@ -53,6 +55,11 @@ _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "wo
 _NEAR = np.array([0.02, 0.02, 0.2])
 """Relative distance in mass, length and damping within which stored runs hold for a design without a
 tolerance range of its own: the scatter of the validation runs."""
+_RUN_ROWS = ("overturned", "Share overturned"), ("mean", "Mean tilt over the slenderness")
+"""Names and labels of the rows on validation runs."""
+_NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
+"""Numbers by their words in a file."""
+_NO_RUNS = "no validation runs near this design and base motion"
 _SCALES = 0.1, 5.0
 """Range of the slider of the factor on a ground motion."""
 
@@ -112,6 +119,7 @@ def content(subject: Subject) -> dict[str, Any]:
         "space": dict(zip(_QUANTITIES, _space(problem).tolist(), strict=True)),
         "recommended": None if answer.pendulum is None else _values_of(answer.pendulum),
         "runs": list(_stored_runs(problem, answer)),
+        "no_runs": [(*row, "not simulated", _NO_RUNS) for row in _RUN_ROWS],
     }
     # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
     if isinstance(problem, HarmonicProblem):
@@ -296,22 +304,37 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
         # The tolerance range is that of the recommended design, which is the last one.
         if answer.equivalent is not None and i == len(answer.validations) - 1:
             low, high = np.asarray(answer.equivalent)
-        # In memory the parts of a summary are objects, and in a file they are dictionaries.
-        benefit, changes = _fields(runs["benefit"]), {c["name"]: c for c in map(_fields, runs["changes"])}
         yield {
             "low": (np.minimum(low, design) * si).tolist(),
             "high": (np.maximum(high, design) * si).tolist(),
-            "description": runs["runs"],
-            "benefit": benefit,
-            # Changes count the runs of the description. The summaries of both cases count all runs.
-            "mean": changes["mean severity"],
-            "overturned": changes["overturned"],
-            "sentences": sentences,
+            "rows": _rows(runs, sentences),
         }
+
+
+def _rows(runs: Mapping[str, Any], sentences: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return names, labels, texts and sources of the rows on validation runs."""
+    # In memory the parts of a summary are objects, and in a file they are dictionaries.
+    benefit, changes = _fields(runs["benefit"]), {c["name"]: c for c in map(_fields, runs["changes"])}
+    # Changes count the runs of the description. The summaries of both cases count all runs.
+    overturned, mean = changes["overturned"], changes["mean severity"]
+    shares, tilts = ([c[f"{case}_pendulum"] for case in ("with", "without")] for c in (overturned, mean))
+    around = f" (difference: {confidence(overturned['low'], overturned['high'])[1:]}"
+    fell = f"{percent(benefit['mean'])} {confidence(benefit['low'], benefit['high'])}"
+    fell = "unknown" if math.isnan(benefit["mean"]) else fell
+    texts = (
+        with_and_without(*shares) + around,
+        f"{number(tilts[0], 3)}; without a pendulum {number(tilts[1], 3)}: reduction {fell}",
+    )
+    rows = [
+        (*row, text, f"validation runs: {runs['runs']}") for row, text in zip(_RUN_ROWS, texts, strict=True)
+    ]
+    verdict = " ".join(sentences) or "no reason against this design"
+    return [*rows, ("validation", "Validation", verdict, "validation runs")]
 
 
 def _fields(x: Any) -> dict[str, Any]:
     """Fields of a dictionary, a tuple with names, or a dataclass."""
     if isinstance(x, dict):
-        return x
+        # A file has words for the numbers that JSON does not have.
+        return {key: _NUMBERS.get(value, value) for key, value in x.items()}
     return x._asdict() if hasattr(x, "_asdict") else dict(vars(x))
