@@ -318,11 +318,10 @@ def _rows(runs: Mapping[str, Any], sentences: Sequence[str]) -> list[tuple[str, 
     # Changes count the runs of the description. The summaries of both cases count all runs.
     overturned, mean = changes["overturned"], changes["mean severity"]
     shares, tilts = ([c[f"{case}_pendulum"] for case in ("with", "without")] for c in (overturned, mean))
-    around = f" (difference: {confidence(overturned['low'], overturned['high'])[1:]}"
     fell = f"{percent(benefit['mean'])} {confidence(benefit['low'], benefit['high'])}"
     fell = "unknown" if math.isnan(benefit["mean"]) else fell
     texts = (
-        with_and_without(*shares) + around,
+        f"{with_and_without(*shares)} (difference: {confidence(overturned['low'], overturned['high'])[1:]}",
         f"{number(tilts[0], 3)}; without a pendulum {number(tilts[1], 3)}: reduction {fell}",
     )
     rows = [

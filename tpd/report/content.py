@@ -118,7 +118,6 @@ def content(
 
 def figures(design: Design, details: Details) -> dict[str, Figure]:
     """Return the figures by the names of their files, for all pictures that the results have data for."""
-    is_started = bool(details.histories)
     has_data = {
         "benefit.svg": design.runs is not None,
         "conditions.svg": "conditions" in design.problem.pictures
@@ -126,15 +125,14 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
         and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,
         "response.svg": bool(details.responses),
-        "motion.svg": is_started,
+        "motion.svg": bool(details.histories),
         "front.svg": bool(details.front),
         "drawing.svg": True,
-        "animation.gif": is_started,
+        "animation.gif": bool(details.histories),
     }
     all_figures = {name: Figure(name, *_CAPTIONS[name]) for name, exists in has_data.items() if exists}
     if design.pendulum is None:
-        alone = "Block and base, to scale."
-        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption=alone)
+        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption="Block and base, to scale.")
     return all_figures
 
 

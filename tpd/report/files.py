@@ -67,8 +67,11 @@ def write(
     written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then(report.summary)
+    # Matplotlib loads slowly. The numbers are written before, without it.
+    from tpd.plots.results import draw
+
     names = figures(design, details)
-    drawn = {name: results.draw(name, partial(_draw, name, design, details), warn) for name in names}
+    drawn = {name: results.draw(name, partial(draw, name, design, details), warn) for name in names}
     pictures = {name: picture for name, picture in drawn.items() if picture is not None}
     written += [directory / name for name in pictures]
     # The page is written last, so that a folder with a page contains a complete report.
@@ -127,13 +130,6 @@ def write_report(
         warnings.warn(f"the report is written without scene.toml: {error}", stacklevel=2)
         return write(folder, design, results, {}, "")
     return write(folder, design, results, job.tables, job.toml)
-
-
-def _draw(name: str, design: Design, details: Details) -> bytes:
-    # Matplotlib loads slowly. The numbers are written before, without it.
-    from tpd.plots.results import draw
-
-    return draw(name, design, details)
 
 
 def _tables(design: Design, details: Details) -> dict[str, str]:

@@ -29,11 +29,7 @@ _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
 def as_json(
-    design: Design,
-    details: Details,
-    first: Summary,
-    job_tables: dict[str, Any],
-    record_notes: Sequence[str] = (),
+    design: Design, details: Details, first: Summary, job_tables: dict[str, Any], notes: Sequence[str] = ()
 ) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
@@ -69,7 +65,7 @@ def as_json(
         "search": design.search,
         "reading": {
             "records": [{"group": name, **facts} for name, facts in words.records(design)],
-            "notes": list(record_notes),
+            "notes": list(notes),
         },
     }
     return files.as_json(json_of(entries))

@@ -35,11 +35,10 @@ def summary(design: Design, details: Details, directory: Path | None = None, nam
         directory: folder of the report, for the commands.
         name: name of the project; empty for no row with it.
     """
-    project = [("project", name)] if name else []
     return Summary(
         verdict=verdict(design, details),
         notes=notes(design, details),
-        rows=(*project, *_rows(design, details)),
+        rows=(*([("project", name)] if name else []), *_rows(design, details)),
         comparison=None if design.runs is None else words.comparison(design.runs),
         commands=() if directory is None else tuple(_commands(design, directory)),
     )
