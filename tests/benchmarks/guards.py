@@ -67,7 +67,9 @@ def _tests(module: str, *names: str) -> tuple[str, ...]:
 
 def _lost(name: str) -> tuple[str, ...]:
     """Return tests of the verdict on a periodic motion, in `tests/compiled/test_steady.py`."""
-    return _tests("compiled/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
+    return _tests(
+        "compiled/steady", f"the_verdict_of_compiled_code_and_of_jax_has_a_status_for_each_case[{name}]"
+    )
 
 
 def _kernel(case: str) -> tuple[str, ...]:
@@ -84,7 +86,7 @@ def _smoothed(name: str) -> tuple[str, ...]:
 
 _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
-_ORBITS, _STEADY = "compiled/symmetric_orbit_kernel:_status", "compiled/steady:verdict"
+_ORBITS, _STEADY = "compiled/symmetric_orbit_kernel:_status", "compiled/columns:verdict_with.verdict"
 _SETTLED = "models/settling:Record.settled"
 # fmt: off
 GUARDS = (
@@ -107,8 +109,8 @@ GUARDS = (
           _tests("compiled/settle", "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
                    "the_error_of_capture_is_below_the_square_of_its_speed")),
     Guard("period three and chaos", "steady_state: aperiodic if neighbouring motions separate",
-          _STEADY, never("APERIODIC_STATUS"),
-          _tests("compiled/steady", "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
+          "compiled/steady:steady_state", never("APERIODIC_STATUS"),
+          _tests("compiled/steady",
                    "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate")),
     Guard("period three and chaos", "periodic_orbit: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"),
@@ -129,7 +131,7 @@ GUARDS = (
           "every model: failed if a number is not finite",
           _SETTLED, never("failed"), _ends("periods8-failed-1")),
     Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
-          "compiled/steady:steady_state", never("EVENT_BOUND"),
+          _STEADY, never("EVENT_BOUND"),
           _tests("models/piecewise", "a_period_too_long_to_be_followed_has_a_status")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
           "core/checks:within", constant("low", -1.0),

@@ -46,7 +46,7 @@ WITHOUT_EFFECT = {"stacklevel", "strict", "repr", "figsize"}
 """Arguments of calls that no test can be expected to notice: `strict` of `zip` checks the package itself."""
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
-        "answers/statistics",
+        "answers/fragility",
         "scale = math.sqrt(float(np.average((x - middle) ** 2, weights=n)))",
         "x - middle -> x + middle",
     ): "the scale only conditions the search for the maximum",
