@@ -99,7 +99,7 @@ def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, c
 def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # A search takes long: a prepared design replaces it.
-    monkeypatch.setattr(optimise, "solve", lambda *_, **__: harmonic())
+    monkeypatch.setattr(optimise, "solve_problem", lambda *_, **__: harmonic())
     monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(optimise, "details", lambda *_, **__: replace(details(), histories=()))
     # Bifurcations take long as well, and are in the tests of `tpd response`.

@@ -96,7 +96,7 @@ def inputs(monkeypatch, tmp_path) -> dict:
         inputs.update(problem.inputs)
         raise ValueError("the search begins")
 
-    monkeypatch.setattr("tpd.cli.optimise.solve", search)
+    monkeypatch.setattr("tpd.cli.optimise.solve_problem", search)
     monkeypatch.chdir(tmp_path)
     return inputs
 

@@ -48,7 +48,7 @@ def run_with(monkeypatch, tmp_path):
             inputs.update(problem.inputs)
             return design
 
-        monkeypatch.setattr(optimise, "solve", search)
+        monkeypatch.setattr(optimise, "solve_problem", search)
         monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
         shown = replace(details(), histories=())
         monkeypatch.setattr(optimise, "details", lambda *_, front, **__: replace(shown, front=front))
@@ -137,7 +137,7 @@ def on_records(tmp_path_factory):
     folder = tmp_path_factory.mktemp("records")
     block = template("column").partition("[excitation]")[0]
     motion = (
-        '[excitation]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\nstarts = 4\nsteps = 1\n'
+        '[excitation]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\ndesigns = 4\nsteps = 1\n'
     )
     (folder / "job.toml").write_text(block + motion)
     (folder / "mine").mkdir()

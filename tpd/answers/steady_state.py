@@ -72,7 +72,7 @@ class Steady(eqx.Module):
     """Largest |psi| of the settled motion, rad."""
     status: Status
     """Outcome of the motion."""
-    periods: Int[Array, "..."] | int
+    periods: Int[Array | np.ndarray, "..."] | int
     """Number of forcing periods in one period of the motion."""
     multiplier: Number
     """Largest modulus of the Floquet multipliers. The motion attracts if it is below 1. NaN if the motion is
@@ -85,7 +85,7 @@ class Steady(eqx.Module):
     Otherwise it is NaN."""
     state: Float[Array | np.ndarray, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
-    elapsed: Int[Array, "..."] | int
+    elapsed: Int[Array | np.ndarray, "..."] | int
     """Number of forcing periods until the motion repeated."""
     estimate: Number = math.nan
     """Estimated relative error of the amplitude. If `Auto` selected the model, it is the error estimate of
