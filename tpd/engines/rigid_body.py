@@ -21,7 +21,7 @@ from tpd.core import checks
 from tpd.scene.conditions import HARMONIC_PERIODS
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.scene import Harmonic, Pendulum, Scene, dimensionless
 
 SLIDING = 0.6
 """Coefficient of friction against sliding, of stone on stone."""
@@ -105,8 +105,7 @@ def _rendered(template: str, **values: Any) -> str:
 
 def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
     """Return the dimensionless parameters of a scene with any excitation."""
-    harmonic = isinstance(scene.excitation, Harmonic)
-    return scene.parameters(pendulum) if harmonic else scene.ground_parameters(pendulum)
+    return Parameters(**dimensionless(scene.quantities(pendulum)))
 
 
 def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> RigidBody:
