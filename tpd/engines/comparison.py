@@ -295,7 +295,7 @@ class _Case:
         runs, rate = self.plan(pendulum), float(self.scene.rate)
         # The engine has rates per second.
         y = runs.y0[:few] * [1.0, 1.0, rate, rate]
-        shaking, duration, late = self._shaking(runs, few)
+        _, shaking, duration, late = self._excitation(runs, few)
         case = "with the pendulum" if pendulum is not None else "without"
         stage = f"engine, {case}" + (", finer step" if steps > 1 else "")
 
@@ -310,22 +310,18 @@ class _Case:
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """Follow all runs with the nonlinear equations."""
         runs, n = self.plan(pendulum), self.ensemble.size
-        if isinstance(self.scene.excitation, GroundMotion):
-            # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
-            h = np.full(n, float(self.scene.excitation.piece) * float(self.scene.rate))
-            x = row_of(runs.p, piece=h)
-            pieces = [np.asarray(self.scene.excitation.pieces(), dtype=float)]
-            forcing = GroundForcing(pieces, _FREE * float(self.scene.rate))
-        else:
-            x, forcing = row_of(runs.p), HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
+        (x, forcing), *_ = self._excitation(runs, n)
         # A run without an answer counts as overturned, because it must not look safe.
         table = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
         # The equations have no sliding and no flight. Zeros fill these fields.
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
         return EngineRuns(table.is_overturned, table.tilt, table.settled_tilt, none, none, bounced)
 
-    def _shaking(self, runs: Plan, few: int) -> tuple[Accelerations, np.ndarray, np.ndarray]:
-        """Return the base acceleration as a function of time, and two times for each run.
+    def _excitation(
+        self, runs: Plan, few: int
+    ) -> tuple[tuple[np.ndarray, GroundForcing | HarmonicForcing], Accelerations, np.ndarray, np.ndarray]:
+        """Return rows and forcing for the equations, and the base acceleration as a function of time for the
+        engine with two times for each of its first `few` runs.
 
         The times are the duration of the run, and the time from which a tilt counts as settled, both in s
         from the beginning of the run.
@@ -334,10 +330,13 @@ class _Case:
         f = np.broadcast_to(np.asarray(runs.p.f, dtype=float), self.ensemble.size)[:few, None] * g
         if isinstance(self.scene.excitation, GroundMotion):
             motion = self.scene.excitation
+            # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
+            x = row_of(runs.p, piece=np.full(self.ensemble.size, float(motion.piece) * rate))
+            forcing = GroundForcing([np.asarray(motion.pieces(), dtype=float)], _FREE * rate)
             # The tilt of the equations is positive against the acceleration of the base.
             size = -f / (float(motion.pga))
             end = np.full(few, float(motion.duration) + _FREE)
-            return (lambda t: size * motion.acceleration_at(t)[None]), end, end
+            return (x, forcing), (lambda t: size * motion.acceleration_at(t)[None]), end, end
         w = np.broadcast_to(np.asarray(runs.p.xi, dtype=float), self.ensemble.size)[:few, None] * rate
         # Times in s, shape (runs, 1), so that they combine with the times of the steps.
         begin, grow = runs.begin[:few, None] / rate, runs.periods[:few, None] * 2.0 * np.pi / w
@@ -350,7 +349,8 @@ class _Case:
 
         period = 2.0 * np.pi / w[:, 0]
         end = self.ensemble.periods * period
-        return shaking, end, end - _LAST * period
+        forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
+        return (row_of(runs.p), forcing), shaking, end, end - _LAST * period
 
 
 def _size(values: np.ndarray, share: float) -> str:

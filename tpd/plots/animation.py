@@ -65,19 +65,22 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
         pendulum: the pendulum; None for the block alone.
         histories: exact time histories, without and, if there is one, with the pendulum.
     """
-    slowed, seconds = 1, _LONG
-    if is_harmonic := isinstance(scene.excitation, Harmonic):
+    slowed, seconds, reach, rate, usual, view = 1, _LONG, 0.0, 0.0, 0.0, ""
+    if isinstance(scene.excitation, Harmonic):
         # With fewer frames in a period the motion would alias and seem to run backwards.
         slowed = max(1, math.ceil(_PER_PERIOD * scene.excitation.frequency / _RATE))
         seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
+        reach, rate = scene.excitation.amplitude, scene.excitation.rate
+    else:
+        usual, view = histories[0].time[np.nanargmax(np.abs(histories[0].tilt))], "; seen from the base"
     frames = int(_RATE * seconds)
     # A frame of the film shows 1/slowed of the time that it lasts.
     times = np.arange(frames) / (_RATE * slowed)
-    usual = 0.0 if is_harmonic else histories[0].time[np.nanargmax(np.abs(histories[0].tilt))]
     moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=usual)
     times += max(0.0, moment - _BEFORE * times[-1])
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
-    figure, draw = _stage(scene, reels, times, slowed)
+    speed = (f"{slowed} times slower than real time" if slowed > 1 else "real time") + view
+    figure, draw = _stage(scene, reels, times, reach * np.sin(rate * times), reach, speed)
     film = list(_pictures(figure, draw, frames))
     out = io.BytesIO()
     film[0].save(out, "GIF", save_all=True, append_images=film[1:], duration=1000 // _RATE, loop=0)
@@ -132,16 +135,15 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
 
 
 def _stage(
-    scene: Scene, reels: list[Reel], times: np.ndarray, slowed: int
+    scene: Scene, reels: list[Reel], times: np.ndarray, base: np.ndarray, reach: float, speed: str
 ) -> tuple[Figure, Callable[[int], list[Artist]]]:
-    """Return the figure, and a function that draws one frame and returns the artists that move."""
+    """Return the figure, and a function that draws one frame and returns the artists that move.
+
+    The base has the displacements `base`, at most `reach`, m. The text `speed` stands below the picture.
+    """
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen. Bob angles are always large enough.
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
-    base, reach, is_fixed = np.zeros_like(times), 0.0, not isinstance(scene.excitation, Harmonic)
-    if not is_fixed:
-        reach = scene.excitation.amplitude
-        base = reach * np.sin(scene.excitation.rate * times)
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
     films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
     points = np.concatenate([x for film in films for shapes in film for x in shapes])
@@ -166,8 +168,6 @@ def _stage(
         draws.append(_actor(ax, scene, r, film, base))
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
     tilt = f"tilts magnified {factor} times" if factor > 1 else "drawn to scale"
-    speed = f"{slowed} times slower than real time" if slowed > 1 else "real time"
-    speed += "; seen from the base" if is_fixed else ""
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
 
     def draw(i: int) -> list[Artist]:
