@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root
 from scipy.special import betaincinv, erfcx, ndtr, ndtri, stdtrit
 
-from tpd.answers.run_table import CASE_KEYS, Cases, Progress, follow_scaled
+from tpd.answers.run_table import CASE_KEYS, Cases, Progress, cases_of, follow_scaled
 from tpd.answers.statistics import LEVEL, ROUNDING, SIGNIFICANT, added_up, mcnemar
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
@@ -258,7 +258,7 @@ def fragility(
     # Every intensity measure is proportional to the motion.
     # The factor that scales a motion to a stripe is therefore a quotient.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
-    cases, times = (None,) if pendulum is None else (None, pendulum), 2 if nonlinear else 1
+    cases, times = cases_of(pendulum), 2 if nonlinear else 1
     # The tables need neither the swing nor the final state, so that the runs can end early.
     options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
     options |= {"workers": workers, "cluster": cluster}

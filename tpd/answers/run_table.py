@@ -252,6 +252,11 @@ CASE_KEYS = ("without_pendulum", "with_pendulum")
 """Keys of the cases in tables and files."""
 
 
+def cases_of(pendulum: Pendulum | None) -> tuple[Pendulum | None, ...]:
+    """Return the cases of a comparison: None, which is the block without a pendulum, and the pendulum."""
+    return (None,) if pendulum is None else (None, pendulum)
+
+
 def label_of_ramp(ramp: float) -> str:
     """Return a label for the runs in which the excitation grows over `ramp` seconds."""
     return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
@@ -329,6 +334,11 @@ def _results(
     return numbers | {"outcome": outcome.astype(np.int8)}
 
 
+def forcing_of(motions: Sequence[GroundMotion], free: Any, which: Any = 0) -> GroundForcing:
+    """Return ground motions in the form of compiled code, see `GroundForcing`."""
+    return GroundForcing([np.asarray(m.pieces(), dtype=float) for m in motions], free, which)
+
+
 def rows_of(
     block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
 ) -> np.ndarray:
@@ -382,9 +392,8 @@ def follow_scaled(
     # One row for each pendulum, motion and factor. A factor multiplies the amplitude F of the row.
     x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
     x[:, F] *= np.tile(factors.ravel(), len(pendulums))
-    records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     # Compiled code has dimensionless times, hence the rate of the block.
     late = free * single(Scene(block, motions[0], gravity).rate)
-    forcing = GroundForcing(records, late, np.tile(which, len(pendulums)))
+    forcing = forcing_of(motions, late, np.tile(which, len(pendulums)))
     table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **options)
     return table.reshape(len(pendulums), *factors.shape)

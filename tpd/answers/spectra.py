@@ -11,11 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.run_table import CASE_KEYS, Cases, Progress, follow_runs, follow_scaled, rows_of
+from tpd.answers.run_table import (
+    CASE_KEYS,
+    Cases,
+    Progress,
+    cases_of,
+    follow_runs,
+    follow_scaled,
+    forcing_of,
+    rows_of,
+)
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.compiled.columns import XI
-from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
@@ -123,7 +131,7 @@ def overturning_spectrum(
     # One pulse of unit size for each frequency. The sizes are factors on it.
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
-    cases = (None,) if pendulum is None else (None, pendulum)
+    cases = cases_of(pendulum)
     options = {"cluster": cluster, "progress": progress}
     runs = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **options)
     # The number of impacts distinguishes the modes of overturning.
@@ -209,14 +217,13 @@ def rocking_spectrum(
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    rows = [rows_of(block, c, [motion], gravity) for c in ([None] if pendulum is None else [None, pendulum])]
+    rows = [rows_of(block, case, [motion], gravity) for case in cases_of(pendulum)]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # Only the dimensionless duration of a piece depends on the size.
     x[:, XI] = float(motion.piece) * np.tile(rates, len(rows))
     # The free time is given in seconds, but compiled code needs it in dimensionless time.
     late = free * np.tile(rates, len(rows))
-    pieces = np.asarray(motion.pieces(), dtype=float)
-    forcing = GroundForcing([pieces], late)
-    runs = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
+    where: dict[str, Any] = {"cluster": cluster, "progress": progress}
+    runs = follow_runs(Terms.linear, x, forcing_of([motion], late), brief=True, **where)
     # The slenderness is the same for all sizes.
     return RockingSpectrum(times, runs.tilt.reshape(len(rows), -1) / float(block.slenderness))

@@ -17,6 +17,7 @@ import numpy as np
 from tpd.answers.motion_history import motion_history, needed_friction
 from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
+from tpd.answers.run_table import cases_of
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
@@ -313,9 +314,8 @@ def details(
     # A response is that of the nominal block, so it is shown only if no condition changes the block.
     if set(design.conditions.factors) <= {"amplitude", "frequency"}:
         values = scene.excitation.frequency * _BAND
-        cases = (None,) if pendulum is None else (None, pendulum)
         answer = partial(settled_response, scene, "frequency", values, progress=progress)
-        responses = tuple(answer(pendulum=case) for case in cases)
+        responses = tuple(answer(pendulum=case) for case in cases_of(pendulum))
     return replace(out, histories=time_histories(scene, pendulum), responses=responses)
 
 
@@ -324,8 +324,8 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 
     They last 24 periods. If the block overturns later, within 100 periods, they last until it has overturned.
     """
-    cases, out, last = (None,) if pendulum is None else (None, pendulum), [], _DRAWN * _SAMPLES
-    for case in cases:
+    out, last = [], _DRAWN * _SAMPLES
+    for case in cases_of(pendulum):
         p = as_arrays(scene.parameters(case))
         tau = sampled(p, _FOLLOWED, _SAMPLES)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())

@@ -20,11 +20,10 @@ from scipy.optimize import root_scalar
 
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
-from tpd.answers.run_table import Runs, follow_runs
+from tpd.answers.run_table import Runs, follow_runs, forcing_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import NU, F, K
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
@@ -356,8 +355,7 @@ class GroundMotionProblem(Problem):
         # the runs with the pendulum.
         rows = self._rows(_MASSLESS if design is None else design, scene, conditions)
         condition = np.asarray(conditions.which)
-        pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
-        forcing = GroundForcing(pieces, FREE * float(scene.rate), condition)
+        forcing = forcing_of(conditions.motions, FREE * float(scene.rate), condition)
         return follow_runs(
             Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, Plan, plan
-from tpd.answers.run_table import follow_runs
+from tpd.answers.run_table import follow_runs, forcing_of
 from tpd.answers.statistics import Share
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
@@ -332,7 +332,7 @@ class _Case:
             motion = self.scene.excitation
             # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
             x = row_of(runs.p, piece=np.full(self.ensemble.size, float(motion.piece) * rate))
-            forcing = GroundForcing([np.asarray(motion.pieces(), dtype=float)], _FREE * rate)
+            forcing = forcing_of([motion], _FREE * rate)
             # The tilt of the equations is positive against the acceleration of the base.
             size = -f / (float(motion.pga))
             end = np.full(few, float(motion.duration) + _FREE)
