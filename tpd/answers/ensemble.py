@@ -73,12 +73,15 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
     # The phase is varied by the time at which a run begins. With a fixed phase all runs begin at tau = 0.
-    begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
+    *state, phase, choice = unit.T[:6]
+    begin = phase * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)
     # A uniform sample selects one of the durations of growth.
-    ramp = ramps[np.minimum((unit[:, 5] * len(ramps)).astype(int), len(ramps) - 1)]
+    ramp = ramps[np.minimum((choice * len(ramps)).astype(int), len(ramps) - 1)]
     # Samples from 0 to 1 become initial states from -reach to reach.
-    return Plan(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp, dealt)
+    return Plan(
+        q, (2.0 * np.stack(state, axis=1) - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp, dealt
+    )
 
 
 def outcomes(

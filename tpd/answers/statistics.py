@@ -226,11 +226,11 @@ def _limits_of_ratio(
     sums = added_up(np.stack([tops, bottoms, np.ones_like(tops)], axis=1), clusters)
     if len(sums) < 2:
         return -math.inf, math.inf
-    shares = sums[:, 2] / len(tops)
-    ratio = sums[:, 0].sum() / (sums[:, 1].sum() or 1.0)
+    above, below, sizes = sums.T
+    shares, ratio = sizes / len(tops), above.sum() / (below.sum() or 1.0)
     # Clusters that are all alike contain no information on single runs. Each added run then has the weight of
     # a cluster.
-    is_alike = np.abs(sums[:, 0] - ratio * sums[:, 1]).max() < ROUNDING * len(tops)
+    is_alike = np.abs(above - ratio * below).max() < ROUNDING * len(tops)
     weight = _WEIGHT * (len(tops) / len(sums) if is_alike else 1.0)
     added = weight * np.column_stack([extremes, np.ones(2)])
     top, bottom, size = sums.sum(axis=0) + added.sum(axis=0)

@@ -186,15 +186,16 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
         # Traced numbers also need the correct derivatives, or NaN.
         seconds, kept = partial(_seconds, rate), refused
     times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
+    tilt_time, swing_time, rod_angle_time = xp.moveaxis(times, -1, 0)
     # The block lifts before it overturns, so that the time of uplift has a derivative in this case as well.
     has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
         tilt=kept(run.tilt, sound),
         swing=kept(run.swing if bob else xp.zeros_like(run.swing), sound),
         rod_angle=kept(run.rod_angle if bob else xp.zeros_like(run.rod_angle), sound),
-        tilt_time=times[..., 0],
-        swing_time=times[..., 1],
-        rod_angle_time=times[..., 2],
+        tilt_time=tilt_time,
+        swing_time=swing_time,
+        rod_angle_time=rod_angle_time,
         impacts=xp.asarray(run.impacts).astype(int),
         uplift_time=seconds(run.uplift_time, has_uplift_slope),
         overturning_time=seconds(run.overturning_time, sound),

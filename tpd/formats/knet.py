@@ -138,24 +138,25 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
             raise UnreadableRecord(f"line {cursor.at} must have {len(names) + 2} cells, but has {len(cells)}")
         rows.append([number(cell.strip(), cursor.at) for cell in cells[1:]])
     cursor.require_end(whole=True)
-    values = np.array(rows).reshape(-1, len(names) + 1)
+    times, *columns = np.array(rows).reshape(-1, len(names) + 1).T
+    steps = np.diff(times)
     rate, length = _number_of(head, "SamplingFrequency"), _number_of(head, "DurationTime")
     if rate.value <= 0.0:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
     # Times have two decimals, and may therefore be equal at rates above 100 Hz.
-    equal = np.flatnonzero(np.diff(values[:, 0]) == 0.0)
+    equal = np.flatnonzero(steps == 0.0)
     if equal.size and dt > 0.0099:
         raise UnreadableRecord(f"line {first + equal[0] + 1} has the same time as line {first + equal[0]}")
-    agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
+    agree_on_count(round(length.value * rate.value), len(times), "the header (frequency and duration)")
     # Times have two decimals, so that they may differ from the step by rounding.
-    wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)
+    wrong = np.flatnonzero(np.abs(steps - dt) > 0.011)
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")
-    agree((len(values) - 1) * dt, float(values[-1, 0] - values[0, 0]), "the length in s", 0.011)
+    agree((len(times) - 1) * dt, float(times[-1] - times[0]), "the length in s", 0.011)
     event, station = _below(head, "OriginTime").split(","), _below(head, "Code").split(",")[0]
     words, channels = f"{event[0]} JST M{event[-1]}" if len(event) > 1 else "", []
-    for name, column in zip(names, values.T[1:], strict=True):
+    for name, column in zip(names, columns, strict=True):
         component, _, own = name.rstrip(")").partition("(")
         factor = factor_of(unit_of(own, cursor.at), unit)
         # KiK-net uses the number 1 for the instrument in the borehole, and 2 for that at the surface.

@@ -146,11 +146,11 @@ def _stage(
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
     films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
-    points = np.concatenate([x for film in films for shapes in film for x in shapes])
+    across, up = np.concatenate([x for film in films for shapes in film for x in shapes]).T
     # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
-    side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
-    low, high = min(float(points[:, 1].min()), 0.0) - pad, float(points[:, 1].max()) + pad
+    side = max(float(np.abs(across).max()), 0.7 * scene.block.width + reach) + pad
+    low, high = min(float(up.min()), 0.0) - pad, float(up.max()) + pad
     shape = 2.0 * side / (high - low)
     # The picture is as large as height and width of one motion allow.
     tall = min(_TALL, _WIDE / shape)

@@ -95,8 +95,8 @@ class GroundMotion:
         # Evaluate the cubic of the piece that contains each time by Horner's scheme.
         c, share = np.asarray(self.pieces()), at / float(self.piece)
         i = np.clip(np.floor(share), 0, len(c) - 1).astype(int)
-        x = share - i
-        values = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
+        x, (c0, c1, c2, c3) = share - i, np.moveaxis(c[i], -1, 0)
+        values = c0 + x * (c1 + x * (c2 + x * c3))
         return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
 
 
