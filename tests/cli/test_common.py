@@ -242,16 +242,16 @@ job worth.at_least = 0.2 | there is no table [worth]; it is now called `requirem
 job requirements.strikes = 0.2 | there is no key `strikes` in [requirements]; it is now called `wall_contacts`
 job excitation.held_out = 0.5 | there is no key `held_out` in [excitation]; it is now called `validation_s
 job limits.room = true | there is no key `room` in [limits]; it is now called `clearance`
-job space.stroke = 0.4 | there is no key `stroke` in [space]; it is now called `limits.stroke`
-job conditions.measure = 'cvar' | there is no key `measure` in [conditions]; it is now called `search.risk`
-job conditions.from_rest = true | there is no key `from_rest` in [conditions]; it is now called `starts.kind`
+job space.stroke = 0.4 | there is no key `stroke` in [space]; it is now the key `stroke` of [limits]
+job conditions.measure = 'cvar' | it is now the key `risk` of [search]
+job conditions.from_rest = true | it is now the key `kind` of [starts]
 optimise --held-out 0.5 | unrecognized arguments: --held-out; it is now called `--validation-share`
 optimise --demand cvar | unrecognized arguments: --demand; it is now called `--risk`
 optimise --measure cvar | unrecognized arguments: --measure; it is now called `--risk`
 map BOB X --y lam 0.1 1 --from-rest | arguments: --from-rest; it is now called `--simulate`
 job excitation.scale = 10 | there is no key `scale` in [excitation]; it is now called `factor`
 optimise --allowed 0.1 | unrecognized arguments: --allowed; it is now called `--wall-contacts`
-job risk.measure = 'cvar' | there is no table [risk]; it is now called `search.risk`
+job risk.measure = 'cvar' | there is no table [risk]; it is now the key `risk` of [search]
 job requirements.measure = 'tilt' | there is no key `measure` in [requirements]; it is now called `reduce`
 export --as mjcf --file a.xml | unrecognized arguments: --file; it is now called `--out`
 optimise --width 0.4 --height 0.1 --mass 16 SHAKEN | but is 4 of it: are width and height exchanged?

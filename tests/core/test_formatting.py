@@ -56,7 +56,7 @@ def test_words():
         ("worth", ["block", "requirements"], "; it is now called `requirements`"),
         ("--held-out", ["--validation-share"], "; it is now called `--validation-share`"),
         ("stroke", ["swing_limit"], "; it is now called `swing_limit`"),
-        ("stroke", ["mass"], "; it is now called `limits.stroke`"),
+        ("stroke", ["mass"], "; it is now the key `stroke` of [limits]"),
         ("Study", ["details", "Details"], "; it is now called `Details`"),
         ("study", ["Details", "details"], "; it is now called `details`"),
         # A key of the job file is no option.

@@ -193,7 +193,9 @@ def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
     plain = word.lstrip("-").replace("-", "_") if isinstance(word, str) else ""
     for new in RENAMED.get(plain, "").split(","):
         if new and (new.lower() in words or ("." in new and plain == word)):
-            return f"; it is now called `{new if new in listed else words.get(new.lower(), new)}`"
+            table, _, key = new.rpartition(".")
+            name = f"called `{new if new in listed else words.get(new.lower(), new)}`"
+            return f"; it is now {f'the key `{key}` of [{table}]' if table else name}"
     # A similar word is more helpful than the list of all words.
     close = get_close_matches(plain.lower(), words, 1)
     if close:
