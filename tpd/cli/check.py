@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd.answers.compare_models import MODELS, QUICK, check
+from tpd.answers.compare_models import MODELS, QUICK
 from tpd.answers.motion_history import sliding
 from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
@@ -20,7 +20,7 @@ from tpd.design.problem import Problem
 from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
-from tpd.limits import Mass, stroke_limit
+from tpd.limits import Mass
 from tpd.report import answer, files, summary, words
 from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
@@ -82,10 +82,7 @@ def _check_by_models(
         Lines for the terminal, and whether the exit status is `SOUND`.
     """
     table: list[str] = []
-    # The table of models is about one harmonic motion; there is none for pulses and records.
-    if problem.settles:
-        limit = stroke_limit(job.limits)
-        checked = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar)
+    for checked in problem.compared_models(pendulum, models=models, progress=bar):
         # The last line explains the columns; the others are rows, which are not wrapped.
         *rows, explanation = checked.table().splitlines()
         table = [*rows, *wrapped(explanation), ""]

@@ -29,7 +29,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
+from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 from tpd.scene.status import STANDING, Status, is_one_of
 from tpd.theory.equations import Terms
 from tpd.theory.free_rocking import equivalent_friction, turning_tilts
@@ -308,7 +308,7 @@ def details(
         front=front,
     )
     scene, pendulum = design.scene, design.pendulum
-    if not isinstance(scene.excitation, Harmonic):
+    if "motion" not in design.problem.pictures:
         return out
     responses: tuple[Response, ...] = ()
     # A response is that of the nominal block, so it is shown only if no condition changes the block.

@@ -102,6 +102,13 @@ class Design(Printed):
         return min(offered or self.validated, key=rank, default=None)
 
     @property
+    def exact_motions(self) -> tuple[Any, ...]:
+        """`ExactMotions` without a pendulum and, if one was validated, with the best design; empty if only
+        runs can evaluate a design."""
+        cases = self.problem.without_pendulum, self.best and self.best.exact
+        return tuple(motions for motions in cases if motions is not None)
+
+    @property
     def runs(self) -> PairedRuns | None:
         """Validation runs of the best design that the report quotes; None if there are none."""
         return None if self.best is None else self.best.runs

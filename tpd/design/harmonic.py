@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
+from tpd.answers.compare_models import Check, check
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.run_table import Runs
@@ -30,7 +31,7 @@ from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
-from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective
+from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective, stroke_limit
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
@@ -104,7 +105,6 @@ class HarmonicProblem(Problem):
         "starts": Starts.any(),
         "objective": SteadyTilt(),
     }
-    settles: ClassVar[bool] = True
     pictures = *Problem.pictures, "conditions", "motion"
     has_earthquakes: ClassVar[bool] = False
     begin_of_runs: ClassVar[str] = "Validation runs with random initial states and"
@@ -266,6 +266,10 @@ class HarmonicProblem(Problem):
         """Return the period for the lowest frequency only; see `Problem.isolation`."""
         lowest = float(self.scene.excitation.frequency * np.min(self.conditions.column("frequency")))
         return np.array([math.sqrt(1.0 + self.at_rest.peak / self.at_rest.uplift) / lowest]), 0.0
+
+    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check]:
+        """See `Problem.compared_models`."""
+        return (check(self.scene, pendulum, swing_limit=stroke_limit(self.limits), **how),)
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
         """See `Problem.lifts`."""

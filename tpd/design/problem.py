@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
@@ -101,8 +102,6 @@ class Problem(ABC):
     """Inputs that this kind of problem has, with their defaults."""
     attempts: ClassVar[int]
     """Largest number of designs that are validated."""
-    settles: ClassVar[bool] = False
-    """Whether the motions settle, and have orbits, a response over frequency and dimensionless parameters."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
     """Reasons against a design after which another design is validated."""
     rounds: ClassVar[tuple[int, int]]
@@ -312,6 +311,15 @@ class Problem(ABC):
     def isolation(self) -> tuple[np.ndarray, float]:
         """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the
         block, one for each motion at its strongest level, and the damping ratio of the isolation."""
+
+    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check, ...]:
+        """Return a comparison of models for each stated motion that settles; none under ground motions.
+
+        Args:
+            pendulum: the pendulum; None for the block alone.
+            how: `models` and `progress` of `tpd.check`.
+        """
+        return ()
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
         """Return the base accelerations over gravity that lift the resting block with a settled pendulum and

@@ -200,7 +200,7 @@ def _series(motion: Harmonic | GroundMotion) -> tuple[str, float]:
     """Return time series 1, the acceleration of the base, in Tcl, and the end of the run, s."""
     if isinstance(motion, Harmonic):
         # The base moves to the right first, and decelerates.
-        peak, period = -float(motion.amplitude) * float(motion.rate) ** 2, 1.0 / float(motion.frequency)
+        peak, period = -float(motion.pga), 1.0 / float(motion.frequency)
         series = f"timeSeries Trig 1 0.0 $tEnd {period!r} -factor {peak!r}"
         return series, HARMONIC_PERIODS / float(motion.frequency)
     piece = float(motion.piece)

@@ -129,14 +129,13 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     name = design.conditions.axis
     if name is None:
         raise ValueError("`design` must have conditions that differ in one quantity")
-    # A design that is not recommended is drawn as well, with another label.
-    best = None if design.best is None else design.best.exact
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     # Conditions with random values are not sorted.
     order = np.argsort(design.conditions.column(name), kind="stable")
     x, xlabel = _values(design, name)
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-    cases = [design.problem.without_pendulum, *([] if best is None else [best])]
+    # A design that is not recommended is drawn as well, with another label.
+    cases = design.exact_motions
     tilts = [_attracting(motions, "tilt") * nu for motions in cases]
     # Leave space above all finite tilts for the marks of overturning.
     top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
@@ -151,8 +150,8 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
             axes[0].plot(overturned, np.full(len(overturned), top * (1.0 - 0.05 * i)), **marks)
     # The axis begins a little below zero, so that the marks of a block at rest are visible.
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
-    if best is not None:
-        axes[1].plot(x[order], _attracting(best, "swing")[order], **CASES[1] | {"label": "bob"})
+    for motions in cases[1:]:
+        axes[1].plot(x[order], _attracting(motions, "swing")[order], **CASES[1] | {"label": "bob"})
     if np.isfinite(design.stroke_limit):
         axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
     axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)

@@ -17,7 +17,7 @@ from tpd.design.design import Design
 from tpd.limits import Clearance, limit_of
 from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.scene import Pendulum, Scene
 
 BODY = "#e8e8e8"
 """Fill of the block."""
@@ -31,8 +31,6 @@ _TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
 This is the width of an A4 page between its margins, so that the printed texts keep their size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
 """Space for dimensions and texts around both views, inches."""
-_SWING = {True: "settled swing", False: "largest swing"}
-"""Name of the bob angle in the drawing: for a harmonic motion, and for ground motions."""
 
 
 def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
@@ -275,7 +273,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         (f"depth below the hinge: {number(built.depth, 3)} m", (0.0, -built.depth)),
     ]
     if built.angle > 0.0:
-        name, degrees = _SWING[isinstance(scene.excitation, Harmonic)], math.degrees(built.angle)
+        name, degrees = scene.excitation.swing_in_drawing, math.degrees(built.angle)
         text = f"{name} ±{built.angle:.3g} rad (±{degrees:.3g}°)"
         text += f"\n{built.clearance_in_words}" if is_hollow else ""
         labels.insert(2, (text, (float(end[0]), float(end[1]))))
@@ -342,14 +340,11 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     for x in np.arange(-reach, reach, 0.12 * inch):
         ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
     motion = scene.excitation
-    is_harmonic = isinstance(motion, Harmonic)
-    is_to_scale = is_harmonic and motion.amplitude * scale >= 0.12
-    length = motion.amplitude if is_to_scale else 0.25 * inch
+    # The displacement of a ground motion is unknown. Its arrow is therefore never to scale.
+    amplitude = motion.quantities.get("amplitude", 0.0)
+    length = amplitude if amplitude * scale >= 0.12 else 0.25 * inch
     y = -0.3 * inch
     arrow = {"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
     ax.annotate("", xy=(length, y), xytext=(-length, y), arrowprops=arrow)
-    text = "base: ground motions"
-    if is_harmonic:
-        text = f"base: ±{number(motion.amplitude, 3)} m\nat {number(motion.frequency)} Hz"
-    text = f"block: {number(scene.block.mass)} kg\n{text}"
+    text = f"block: {number(scene.block.mass)} kg\nbase: {motion.in_drawing}"
     ax.text(0.0, y - 0.1 * inch, text, fontsize=8, ha="center", va="top", color=INK)

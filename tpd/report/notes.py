@@ -39,13 +39,9 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
     if design.sliding.startswith(SLIDES):
         all_notes.append(danger(design.sliding))
     all_notes += [*_runs(design), *_responses(details), *_earthquakes(design)]
-    if design.pendulum is not None and design.best is not None and design.best.exact is not None:
-        exact, without_pendulum = design.best.exact, design.problem.without_pendulum
-        all_notes += [
-            *_from_rest(design, exact, without_pendulum),
-            *_settled(exact),
-            *_orbits(design, exact, without_pendulum),
-        ]
+    if design.pendulum is not None and (cases := design.exact_motions):
+        _, exact = cases
+        all_notes += [*_from_rest(design, *cases), *_settled(exact), *_orbits(design, *cases)]
         if limit_of(design.problem.limits, Clearance) is None:
             all_notes += _without_walls(design, exact, design.pendulum)
     return tuple(sorted(all_notes, key=lambda n: n.severity.value))
@@ -87,7 +83,7 @@ def _runs(design: Design) -> Iterator[Note]:
         )
 
 
-def _from_rest(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
+def _from_rest(design: Design, without_pendulum: ExactMotions, exact: ExactMotions) -> Iterator[Note]:
     """Yield a note if the block overturns from rest with the pendulum, one motion for each condition."""
     # There is one motion from rest for each condition, by the exact model.
     pendulum, without = (m.status == "overturned" for m in (exact, without_pendulum))
@@ -166,7 +162,7 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
         yield note(f"The settled motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 
-def _orbits(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
+def _orbits(design: Design, without_pendulum: ExactMotions, exact: ExactMotions) -> Iterator[Note]:
     """Yield notes on conditions under which the orbits of the search do not describe the whole motion."""
     # The descents minimise the tilt of the orbits. Trial runs with many initial states decide afterwards.
     if exact.value > without_pendulum.value:

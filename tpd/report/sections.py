@@ -13,7 +13,6 @@ from tpd.answers.run_table import Runs, label_of_ramp
 from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Details
 from tpd.design.design import Design
-from tpd.design.harmonic import ExactMotions
 from tpd.design.sizes import MOTION_KINDS
 from tpd.limits import LABELS
 from tpd.records.read import same_earthquakes
@@ -198,14 +197,11 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
 
 def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     """Return the exact settled motion under each condition; an empty list under ground motions."""
-    without, best, n = design.problem.without_pendulum, design.best, len(design.conditions)
-    if not design.problem.settles:
+    motions, risk, n = design.exact_motions, design.problem.risk.name, len(design.conditions)
+    if not motions:
         return []
-    pendulum = None if best is None else best.exact
-    risk = design.problem.risk.name
-    rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without pendulum", words.risk(design, without.value))]
-    if pendulum is not None:
-        rows.append((f"{risk} tilt with pendulum", words.risk(design, pendulum.value)))
+    cases = zip(("without", "with"), motions, strict=False)
+    rows = [(f"{risk} tilt {case} pendulum", words.risk(design, of.value)) for case, of in cases]
     if design.pendulum is not None:
         rows.append(("largest bob angle", words.angle(design.swing)))
     source = "Tilts: largest attracting symmetric orbit, over all initial states"
@@ -217,28 +213,24 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     if n == 1:
         return out
     cells: list[tuple[Cell, ...]] = []
+    # The orbits have tilts in units of the slenderness, which a condition may vary.
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     # With more conditions than rows, the rows are spread evenly over all conditions.
     for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
-        row = [design.conditions.label(i), *_motion(design, without, i)]
-        if pendulum is not None:
-            row += [*_motion(design, pendulum, i), float(pendulum.orbits.swing[0, i])]
-        cells.append(tuple(row))
+        row: list[Cell] = [design.conditions.label(i)]
+        for of in motions:
+            tilt, kind = float(of.orbits.tilt[0, i] * nu[i]), MOTION_KINDS[int(of.orbits.kind[0, i])]
+            row += [tilt if math.isfinite(tilt) else None, kind.replace("_", " ")]
+            row.append(str(of.status[i]).replace("_", " "))
+        cells.append((*row, *(float(of.orbits.swing[0, i]) for of in motions[1:])))
     columns = "tilt (rad)", "orbit", "from rest"
     head = ("condition", *(f"without: {name}" for name in columns))
-    if pendulum is not None:
+    if motions[1:]:
         head += (*(f"with: {name}" for name in columns), "with: bob angle (rad)")
     caption = "Tilt, orbit and bob angle: attracting orbit. From rest: outcome of one run. Linear equations."
-    if pendulum is not None and design.pendulum is None:
+    if motions[1:] and design.pendulum is None:
         caption += " This design came nearest and is not recommended."
     return [*out, Table(head, tuple(cells), caption)]
-
-
-def _motion(design: Design, of: ExactMotions, i: int) -> tuple[Cell, ...]:
-    """Return the tilt (rad) and the kind of the orbit under the i-th condition, and the outcome from rest."""
-    e, nu = of.orbits, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
-    # The orbits have tilts in units of the slenderness, which a condition may vary.
-    tilt, kind = float(e.tilt[0, i] * nu), MOTION_KINDS[int(e.kind[0, i])].replace("_", " ")
-    return tilt if math.isfinite(tilt) else None, kind, str(of.status[i]).replace("_", " ")
 
 
 def searched(design: Design, figure: Sequence[Block]) -> list[Block]:

@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,11 @@ class GroundMotion:
     The base is at rest before the first piece, and its acceleration is zero after the last piece.
     """
 
+    in_drawing: ClassVar[str] = "ground motions"
+    """Label of the arrow that shows the excitation in a drawing, which is the same for several motions."""
+    swing_in_drawing: ClassVar[str] = "largest swing"
+    """Name of the bob angle in a drawing."""
+
     @property
     @abstractmethod
     def pga(self) -> Real:
@@ -59,6 +64,11 @@ class GroundMotion:
     @abstractmethod
     def scaled(self, factor: Real) -> Any:
         """Return the motion with all accelerations multiplied by `factor`."""
+
+    @property
+    def quantities(self) -> dict[str, Real]:
+        """Part of `Scene.quantities` that states the excitation. A piece of the motion is its period."""
+        return {"peak": self.pga, "frequency": 1.0 / self.piece}
 
     @property
     def duration(self) -> Real:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -250,6 +250,8 @@ class Harmonic:
         15.708
     """
 
+    swing_in_drawing: ClassVar[str] = "settled swing"
+    """Name of the bob angle in a drawing."""
     amplitude: Real
     """Amplitude of the base motion, m."""
     frequency: Real
@@ -262,9 +264,24 @@ class Harmonic:
         check_excitation(self.amplitude, self.frequency)
 
     @property
+    def quantities(self) -> dict[str, Real]:
+        """Part of `Scene.quantities` that states the excitation."""
+        return vars(self)
+
+    @property
     def rate(self) -> Real:
         """Angular frequency omega, rad/s."""
         return 2.0 * math.pi * self.frequency
+
+    @property
+    def pga(self) -> Real:
+        """Largest acceleration, m/s^2."""
+        return self.amplitude * self.rate**2
+
+    @property
+    def in_drawing(self) -> str:
+        """Label of the arrow that shows the excitation in a drawing."""
+        return f"±{number(self.amplitude, 3)} m\nat {number(self.frequency)} Hz"
 
     @property
     def in_words(self) -> str:
@@ -312,10 +329,7 @@ class Scene:
     @property
     def peak(self) -> Real:
         """Largest acceleration of the base over gravity, f."""
-        motion = self.excitation
-        # A harmonic states its displacement, but a ground motion its acceleration.
-        largest = motion.amplitude * motion.rate**2 if isinstance(motion, Harmonic) else motion.pga
-        return largest / self.gravity
+        return self.excitation.pga / self.gravity
 
     @property
     def uplift(self) -> Real:
@@ -360,7 +374,7 @@ class Scene:
         Raises:
             ValueError: the bob is heavier than the block, or the rod is longer than the block is high.
         """
-        block, motion = self.block, self.excitation
+        block = self.block
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
             checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
@@ -375,10 +389,7 @@ class Scene:
             out["restitution"] = block.restitution
         if block.radius_of_gyration is not None:
             out["radius_of_gyration"] = block.radius_of_gyration
-        if isinstance(motion, Harmonic):
-            out |= {"amplitude": motion.amplitude, "frequency": motion.frequency}
-        else:
-            out |= {"peak": motion.pga, "frequency": 1.0 / motion.piece}
+        out |= self.excitation.quantities
         out |= {"gravity": self.gravity, "pendulum_mass": pendulum.mass, "pendulum_length": pendulum.length}
         return out | {"pendulum_damping": pendulum.damping_ratio}
 
