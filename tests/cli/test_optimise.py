@@ -35,7 +35,7 @@ DATA = {"report.txt", "report.html", "design.json", "scene.toml"}
 
 @pytest.fixture
 def run_with(monkeypatch, tmp_path):
-    """Return a function that runs `optimise` with a prepared design in place of a search.
+    """Return a function that runs `optimise` with a prepared design instead of a search.
 
     The function returns the result of the command and the inputs of the search.
     """

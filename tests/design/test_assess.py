@@ -1,4 +1,4 @@
-"""The block alone: margins, sliding, runs without a pendulum, and what helps in place of one."""
+"""The block alone: margins, sliding, runs without a pendulum, and what helps instead of one."""
 
 import dataclasses
 import math

@@ -142,7 +142,7 @@ def design_map(
         pendulum: pendulum of the scene; None without a pendulum.
         start: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau; zeros are rest.
             For the signs see `y0` of `tpd.simulate`.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             designs, number of all designs).
 

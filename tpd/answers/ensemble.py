@@ -107,7 +107,7 @@ def outcomes(
         equations: "linear", with the exact solution, or "nonlinear".
         rtol: relative tolerance of a step of the nonlinear equations.
         workers: number of threads; all cores by default.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             runs, number of all runs).
 

@@ -225,7 +225,7 @@ def fragility(
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after each ground motion, s.
         workers: number of threads; all cores by default.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:

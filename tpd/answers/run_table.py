@@ -284,7 +284,7 @@ def follow_runs(
         equations, rows, forcing, y0, events, rtol, brief: see `tpd.compiled.simulate.follow`; of n runs.
         condition, ramp, seed: inputs of the runs that are only recorded in the table.
         workers: number of threads; all cores by default.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished runs, number of all runs).
     """
     check_where(workers, cluster, progress)

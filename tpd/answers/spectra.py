@@ -104,7 +104,7 @@ def overturning_spectrum(
         acceleration_ratios: a_p/(g tan alpha); by default 120 values from 0.5 to 10.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after each pulse, s.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
@@ -189,7 +189,7 @@ def rocking_spectrum(
         damping_ratio: damping ratio of the pendulum.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after the ground motion, s.
-        cluster: processes or machines in place of threads.
+        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:

@@ -193,7 +193,7 @@ def fall(
         # One of the two extreme runs is severe only with the pendulum, the other only without it.
         sizes, extremes = without_pendulum.astype(float), ((1.0, 1.0), (-1.0, 0.0))
     else:
-        # A constant in place of the mean does not vary between runs.
+        # A constant instead of the mean does not vary between runs.
         sizes, extremes = np.full_like(falls, size), ((1.0, size), (-1.0, size))
     low, high = _limits_of_ratio(falls, sizes, extremes, clusters)
     return Interval(float(falls.mean()) / size, low, high if math.isinf(low) else min(1.0, high))

@@ -116,7 +116,7 @@ def transient(
 ) -> Transient:
     """Follow a block, with or without a pendulum, during the pulse or record of its scene and after it.
 
-    `Piecewise()` solves the linear equations (25) exactly, with the base acceleration in place of the
+    `Piecewise()` solves the linear equations (25) exactly, with the base acceleration instead of the
     harmonic: a record is linear between its samples, and no event is missed. After the ground motion the
     block moves freely for `free` seconds. If its last arc cannot return, the block overturns, whatever its
     tilt at the end is. `Transient` explains the results of the nonlinear equations.

@@ -162,7 +162,7 @@ def print_header(
     Args:
         scene: block, losses and base motion.
         pendulum: equivalent point mass, printed if there is one.
-        motion: description of the motion in place of that of the scene.
+        motion: description of the motion instead of that of the scene.
         notes: lines on the records that were read, printed first.
         at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
             command varies the motion.

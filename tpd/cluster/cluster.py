@@ -71,7 +71,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             folder: folder for finished chunks. A repeated batch continues with the stored chunks. The folder
                 can contain chunks of several batches.
             workers: number of processes on this machine; all cores by default.
-            dask: address of a Dask scheduler, such as tcp://host:8786, in place of `workers`. Its workers
+            dask: address of a Dask scheduler, such as tcp://host:8786, instead of `workers`. Its workers
                 need the same version of this package. JAX is set to 64 bits in them.
 
         Raises:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Vector: TypeAlias = Sequence[float] | np.ndarray | jax.Array
 else:
     # An array or a traced value passes as well. The functions of this module reject everything else with
-    # their own messages, in place of a type checker.
+    # their own messages, instead of a type checker.
     @runtime_checkable
     class _Array(Protocol):
         """An array of NumPy or JAX, also a traced one, or a number of NumPy."""

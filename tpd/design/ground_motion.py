@@ -159,7 +159,7 @@ class GroundMotionProblem(Problem):
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """Inputs as in `Problem.inputs`, with the validation motions in place of the groups."""
+        """Inputs as in `Problem.inputs`, with the validation motions instead of the groups."""
         validation = {g.name: g.motions for g in self.groups if g.role is Role.validation}
         inputs = super().inputs
         del inputs["groups"]

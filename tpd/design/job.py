@@ -521,7 +521,7 @@ class RecordsJob(Job):
 
 
 class PulseJob(RecordsJob):
-    """Job with a pulse in place of records."""
+    """Job with a pulse instead of records."""
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -664,7 +664,7 @@ def _check_whole_block(tables: Mapping[str, Any], kind: str) -> None:
         table: [x for x in required_keys(table, kind) if x not in tables.get(table, {})]
         for table in ("block", "excitation")
     }
-    # The job describes a block of its own if one of these keys is present.
+    # If one of these keys is present, the job describes another block than that of the paper.
     shape = (*required_keys("block"), "radius_of_gyration")
     own = [key for key in shape if key in tables.get("block", {})]
     if not own or not any(missing.values()):
@@ -672,7 +672,7 @@ def _check_whole_block(tables: Mapping[str, Any], kind: str) -> None:
     lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)
     are = "is" if sum(map(len, missing.values())) == 1 else "are"
     raise ValueError(
-        f"a block of your own must be complete and have a motion of its own. The job has {_listed(own)}, but "
+        f"a block of your own must be complete and have an excitation. The job has {_listed(own)}, but "
         f"{lacking} {are} missing; without any of these keys the block is that of the paper"
     )
 
@@ -702,7 +702,7 @@ def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
     Raises:
         ValueError: a text is of another form, or a name occurs twice.
     """
-    # The word "rows" in place of columns means that the samples continue row by row.
+    # The word "rows" instead of columns means that the samples continue row by row.
     if list(pairs) == [ROWS]:
         return ROWS
     columns: dict[str, int] = {}

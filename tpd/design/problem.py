@@ -133,7 +133,7 @@ class Problem(ABC):
 
     @classmethod
     def checked(cls, scene: Scene, **inputs: Any) -> dict[str, Any]:
-        """Return the inputs, checked and with defaults in place of None and of missing inputs.
+        """Return the inputs, checked and with defaults instead of None and of missing inputs.
 
         The design space of the result is in ratios, and within the limit on the mass of the bob.
 

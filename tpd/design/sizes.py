@@ -64,7 +64,7 @@ class Evaluation(NamedTuple):
 
     @staticmethod
     def blank(m: int, n: int) -> Evaluation:
-        """Return an evaluation of m designs under n conditions that has ones in place of all sizes."""
+        """Return an evaluation of m designs under n conditions in which all sizes are one."""
         one, slope = np.ones((m, n)), np.zeros((m, n, 3))
         kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
         sizes = one, slope, one, slope, one, slope

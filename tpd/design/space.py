@@ -44,7 +44,7 @@ class DesignSpace:
     `tpd.limits.Mass`, or in a job file the key `mass` of [limits].
 
     The fields are the ratios `mass_ratio` (m/M), `length_ratio` (l/b) and `damping_ratio` (zeta), without
-    unit, and in place of the first two `mass` in kg and `length` in m.
+    unit, and instead of the first two `mass` in kg and `length` in m.
 
     Raises:
         ValueError: a bound is out of range, bounds are reversed or equal, a ratio is given together with its
@@ -66,10 +66,10 @@ class DesignSpace:
     damping_ratio: Bounds = (0.05, 0.6)
     """Damping ratio zeta of the hinge: one fixed number, or two bounds (default 0.05 0.6)."""
     mass: Bounds | None = None
-    """Mass of the equivalent point in kg, in place of the mass ratio: one fixed number, or two bounds (the
+    """Mass of the equivalent point in kg, instead of the mass ratio: one fixed number, or two bounds (the
     heavier body as built is limited by `mass` in [limits])."""
     length: Bounds | None = None
-    """Length of the equivalent point pendulum in m, in place of the length ratio: one fixed number, or two
+    """Length of the equivalent point pendulum in m, instead of the length ratio: one fixed number, or two
     bounds (the rod of the body as built is shorter)."""
 
     table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
@@ -96,7 +96,7 @@ class DesignSpace:
             )
 
     def of(self, block: Block) -> DesignSpace:
-        """Return the space of a block, with ratios in place of values in SI units.
+        """Return the space of a block, with ratios instead of values in SI units.
 
         Raises:
             ValueError: the bob is heavier than the block, or the length is out of range.

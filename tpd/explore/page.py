@@ -89,7 +89,7 @@ def link(page: Path) -> Path | None:
 
 
 def _finite(value: object) -> object:
-    """Return lists and dictionaries with None in place of numbers that JSON does not have."""
+    """Return lists and dictionaries with None instead of numbers that JSON does not have."""
     match value:
         case dict():
             return {key: _finite(x) for key, x in value.items()}

@@ -378,7 +378,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     if not pieces:
         raise _Unknown("an empty name")
     # A title with more words, or with numbers, may describe a filter instead.
-    # A period or a frequency in place of a time shows a response spectrum.
+    # A period or a frequency instead of a time shows a response spectrum.
     spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
     if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", title):
         message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"

@@ -125,7 +125,7 @@ def _stated(pattern: str, what: str, line: str, where: str) -> re.Match[str]:
 
 
 def splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
-    """Return the function that splits the lines of a file into cells, with points in place of decimal
+    """Return the function that splits the lines of a file into cells, with points instead of decimal
     commas."""
     last = [line for line in lines if line.strip()][-50:]
     words = [word for line in last for word in line.split()]

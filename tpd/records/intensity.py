@@ -21,7 +21,7 @@ OF_JOBS = {"pga": "pga_g", "sa": "sa_g"}
 """Names of accelerations in a job file, where they are in g, with the names of the same measures in
 Python."""
 _LIFTING = "1 = the acceleration that lifts the block"
-"""Note on PGA/(g tan alpha), in place of a unit."""
+"""Note on PGA/(g tan alpha), instead of a unit."""
 SPECTRAL_DAMPING, _MOST_DAMPING = 0.05, 0.99
 """Default damping ratio of a spectrum, and the largest one. A critically damped oscillator does not
 oscillate."""

@@ -196,7 +196,7 @@ def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
-    """Return words for why another record counts in place of a record; empty if it does not.
+    """Return words for why another record counts instead of a record; empty if it does not.
 
     A place is the station, the component, and the name of the file without its extension.
     """

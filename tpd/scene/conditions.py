@@ -1,8 +1,8 @@
 """Conditions under which a design is evaluated.
 
 Conditions are a band of frequencies, several amplitudes, samples of uncertain quantities, ground motions, and
-combinations of these. Each condition is a set of factors on the values of the scene, and may have a ground
-motion of its own.
+combinations of these. A condition is a set of factors on the values of the scene. It can also have another
+ground motion.
 """
 
 from __future__ import annotations
@@ -418,7 +418,7 @@ def under(p: Parameters, design: Any, factors: Any) -> Parameters:
         f=p.f * amplitude * frequency**2,
         xi=p.xi * frequency,
         rho=p.rho,
-        # `where` in place of a minimum: the derivative of a minimum is one half if both values are equal.
+        # `where` instead of a minimum: the derivative of a minimum is one half if both values are equal.
         e=None if ratio is None else checks.namespace(ratio).where(ratio > 1.0, 1.0, ratio),
     )
 

@@ -37,7 +37,7 @@ Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, Any], ...]]
 
 
 def single(thing: Any, name: str = "p") -> Any:
-    """Return a number, or a pytree of numbers, with plain numbers in place of arrays of one element.
+    """Return a number, or a pytree of numbers, with plain numbers instead of arrays of one element.
 
     Raises:
         ValueError: an array has several elements.
