@@ -8,10 +8,12 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.answers.run_table import ANGLES, follow_runs, follow_scaled, rows_of
+from tpd.answers.run_table import ANGLES, follow_runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.compiled.columns import MU
+from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing
+from tpd.scene.pytrees import single
 from tpd.scene.status import names_of
 
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -58,7 +60,8 @@ def test_workers_and_the_order_of_motions_change_nothing(runs):
 
 
 def test_rows_are_followed_as_they_are(runs):
-    x = rows_of(STATUE, PENDULUM, MOTIONS, 9.80665)
+    p = [tpd.Scene(STATUE, motion, 9.80665).ground_parameters(PENDULUM) for motion in MOTIONS]
+    x = np.array([ground_row_of(single(q)) for q in p])
     late = np.full(2, 5.0 * float(tpd.Scene(STATUE, MOTIONS[0]).rate))
     pieces = [np.asarray(m.pieces(), dtype=float) for m in MOTIONS]
     found = follow_runs(tpd.Terms.linear, x, GroundForcing(pieces, late, np.arange(2)))

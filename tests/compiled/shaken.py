@@ -8,9 +8,10 @@ import numpy as np
 
 import tpd
 from tests.truth import GRAVITY, el_centro
-from tpd.answers.run_table import rows_of
 from tpd.compiled.columns import XI
+from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, Run, follow
+from tpd.scene.pytrees import single
 from tpd.scene.status import STANDING, is_one_of
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
@@ -26,7 +27,9 @@ class Case(NamedTuple):
 
 def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     """Rows of parameters, pieces, and units of tau in a second."""
-    rows = np.array([rows_of(c.block, c.pendulum, [c.motion], GRAVITY)[0] for c in cases])
+    scenes = [tpd.Scene(c.block, c.motion, GRAVITY) for c in cases]
+    p = [scene.ground_parameters(c.pendulum) for scene, c in zip(scenes, cases, strict=True)]
+    rows = np.array([ground_row_of(single(x)) for x in p])
     rates = rows[:, XI] / np.array([float(case.motion.piece) for case in cases])
     return rows, [np.asarray(case.motion.pieces(), dtype=float) for case in cases], rates
 

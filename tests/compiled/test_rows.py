@@ -9,7 +9,8 @@ import numpy as np
 
 from tests import interpreted
 from tests.reference import WITH, parameters
-from tpd.compiled.rows import packed, row_of
+from tpd.compiled.columns import XI, F
+from tpd.compiled.rows import ground_row_of, packed, row_of
 from tpd.scene.parameters import NAMES, from_row
 
 
@@ -18,9 +19,18 @@ def test_parameters_come_back_with_ratios_of_their_own():
     q = from_row(packed(p.numbers))
     assert float(q.rho) == float(p.inertia_ratio)
     np.testing.assert_array_equal(row_of(q), row_of(p))
-    many = row_of(parameters((*WITH[0].x[:6], np.array([2.0, 3.0]))), piece=np.array([0.1, 0.2]))
-    np.testing.assert_array_equal(many[:, NAMES.index("xi")], [0.1, 0.2])
     assert isinstance(row_of(parameters(jnp.asarray(WITH[0].x))), np.ndarray)
+
+
+def test_in_a_row_under_a_ground_motion_the_duration_of_a_piece_replaces_the_frequency():
+    p = parameters((*WITH[0].x[:6], np.array([2.0, 3.0])))
+    row = row_of(p)
+    row[:, XI] = 2.0 * np.pi / p.xi
+    np.testing.assert_array_equal(ground_row_of(p), row)
+    # A factor multiplies the amplitude, and the duration of a piece can be that of another motion.
+    row[:, F] *= 3.0
+    row[:, XI] = [0.1, 0.2]
+    np.testing.assert_array_equal(ground_row_of(p, size=3.0, piece=np.array([0.1, 0.2])), row)
 
 
 def test_no_result_depends_on_the_order_of_the_parameters():

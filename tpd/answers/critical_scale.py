@@ -166,8 +166,8 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
 
     # The growing coordinate q of the last arc as a function of the parameters and the scale.
     def growing(p: Parameters, scale: Any) -> Any:
-        wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
-        return simulate.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
+        row, forcing = ground_row_of(p, size=scale), GroundForcing([pieces], late)
+        return simulate.follow(Terms.linear, row, forcing).growing
 
     # The size of the motion is a parameter of the run, but the unknown of the implicit function.
     fixed = jax.tree.map(stop_gradient, p)

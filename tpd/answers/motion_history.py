@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.answers.run_table import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import SLIP, STATUSES
+from tpd.compiled.rows import ground_row_of
 from tpd.compiled.trajectories import history
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
+from tpd.scene.pytrees import single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
 from tpd.theory.no_uplift import sliding_in_runs
@@ -125,7 +126,7 @@ def motion_history(
         ValueError: bad input.
     """
     checks.instance("scene", scene, Scene)
-    row = rows_of(scene.block, pendulum, [scene.excitation], float(scene.gravity))[0]
+    row = ground_row_of(single(scene.ground_parameters(pendulum)))
     rate, piece = float(scene.rate), float(scene.excitation.piece)
     pieces = np.asarray(scene.excitation.pieces(), dtype=float)
     shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")

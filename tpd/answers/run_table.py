@@ -12,7 +12,7 @@ import numpy as np
 from tpd.answers.statistics import Share
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled import simulate
-from tpd.compiled.columns import LAM, MU, NU, F
+from tpd.compiled.columns import LAM, MU, NU
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
@@ -339,15 +339,6 @@ def forcing_of(motions: Sequence[GroundMotion], free: Any, which: Any = 0) -> Gr
     return GroundForcing([np.asarray(m.pieces(), dtype=float) for m in motions], free, which)
 
 
-def rows_of(
-    block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
-) -> np.ndarray:
-    """Return the parameters of compiled code for each motion at its own size, shape (motions, 9)."""
-    # With NumPy numbers JAX compiles no program.
-    shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
-    return np.array([ground_row_of(p) for p in map(single, shaken)])
-
-
 def follow_scaled(
     block: Block,
     pendulums: Sequence[Pendulum | None],
@@ -388,12 +379,16 @@ def follow_scaled(
     checks.not_negative("factors", factors, every=True)
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # The runs of one record are neighbours, so that its samples stay in the cache of the processor.
-    which = np.repeat(np.arange(len(motions)), factors[0].size)
-    # One row for each pendulum, motion and factor. A factor multiplies the amplitude F of the row.
-    x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
-    x[:, F] *= np.tile(factors.ravel(), len(pendulums))
+    which = np.tile(np.repeat(np.arange(len(motions)), factors[0].size), len(pendulums))
+    scenes = [Scene(block, motion, gravity) for motion in motions]
+    # With NumPy numbers JAX compiles no program.
+    rows = [
+        ground_row_of(single(scene.ground_parameters(pendulum)), size=sizes.ravel())
+        for pendulum in pendulums
+        for scene, sizes in zip(scenes, factors, strict=True)
+    ]
     # Compiled code has dimensionless times, hence the rate of the block.
-    late = free * single(Scene(block, motions[0], gravity).rate)
-    forcing = forcing_of(motions, late, np.tile(which, len(pendulums)))
-    table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **options)
+    forcing = forcing_of(motions, free * single(scenes[0].rate), which)
+    x = np.concatenate(rows)
+    table = follow_runs(equations, x, forcing, brief=brief, condition=which, **options)
     return table.reshape(len(pendulums), *factors.shape)

@@ -19,11 +19,10 @@ from tpd.answers.run_table import (
     follow_runs,
     follow_scaled,
     forcing_of,
-    rows_of,
 )
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
-from tpd.compiled.columns import XI
+from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
@@ -217,13 +216,14 @@ def rocking_spectrum(
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    rows = [rows_of(block, case, [motion], gravity) for case in cases_of(pendulum)]
-    x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # Only the dimensionless duration of a piece depends on the size.
-    x[:, XI] = float(motion.piece) * np.tile(rates, len(rows))
+    rows = [
+        ground_row_of(single(scene.ground_parameters(case)), piece=float(motion.piece) * rates)
+        for case in cases_of(pendulum)
+    ]
     # The free time is given in seconds, but compiled code needs it in dimensionless time.
-    late = free * np.tile(rates, len(rows))
+    forcing = forcing_of([motion], free * np.tile(rates, len(rows)))
     where: dict[str, Any] = {"cluster": cluster, "progress": progress}
-    runs = follow_runs(Terms.linear, x, forcing_of([motion], late), brief=True, **where)
+    runs = follow_runs(Terms.linear, np.concatenate(rows), forcing, brief=True, **where)
     # The slenderness is the same for all sizes.
     return RockingSpectrum(times, runs.tilt.reshape(len(rows), -1) / float(block.slenderness))

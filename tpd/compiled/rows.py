@@ -10,28 +10,32 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
-from tpd.scene.parameters import NAMES, Parameters
+from tpd.scene.parameters import Parameters, unchecked
 
 
-def row_of(p: Parameters, *, piece: Any = None) -> Any:
+def row_of(p: Parameters) -> Any:
     """Return the row of one set of parameters, or the rows of many, shape (..., 9).
 
     The result is a NumPy array, or a JAX array if JAX traces one of the numbers.
 
     Args:
         p: parameters. Arrays among them are broadcast against each other.
-        piece: duration of a piece of a ground motion (tau), which replaces the frequency.
     """
-    values = dict(zip(NAMES, p.numbers, strict=True))
-    if piece is not None:
-        values["xi"] = piece
-    xp = checks.namespace(*values.values())
-    return xp.stack(xp.broadcast_arrays(*(xp.asarray(values[name], dtype=float) for name in NAMES)), axis=-1)
+    xp = checks.namespace(*p.numbers)
+    return xp.stack(xp.broadcast_arrays(*(xp.asarray(x, dtype=float) for x in p.numbers)), axis=-1)
 
 
-def ground_row_of(p: Parameters) -> Any:
-    """Return the row of the parameters that `Scene.ground_parameters` returns."""
-    return row_of(p, piece=2.0 * np.pi / p.xi)
+def ground_row_of(p: Parameters, *, size: Any = None, piece: Any = None) -> Any:
+    """Return the row of parameters under a ground motion, or the rows of many, as `row_of` does.
+
+    Args:
+        p: result of `Scene.ground_parameters`.
+        size: factor on the ground motion, or factors; None for the motion as it is.
+        piece: duration of a piece of the ground motion (tau), if `p` has the one of another motion.
+    """
+    # In a row under a ground motion the duration of a piece replaces the frequency.
+    piece = 2.0 * np.pi / p.xi if piece is None else piece
+    return row_of(unchecked(p, f=p.f if size is None else p.f * size, xi=piece))
 
 
 def packed(values: Iterable[Any]) -> Float[Array, "n"]:

@@ -23,7 +23,7 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, follow_runs, forcing_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import NU, F, K
-from tpd.compiled.rows import row_of
+from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
@@ -374,7 +374,7 @@ class GroundMotionProblem(Problem):
         h = np.array([float(x.piece) for x in motions]) * float(unit.rate)
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
-        return row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
+        return ground_row_of(unchecked(q, f=q.f * f[which]), size=factor, piece=pieces)
 
 
 def _name_of(motion: GroundMotion) -> str:

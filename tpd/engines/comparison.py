@@ -11,7 +11,7 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble, Plan, plan
 from tpd.answers.run_table import follow_runs, forcing_of
 from tpd.answers.statistics import Share
-from tpd.compiled.rows import row_of
+from tpd.compiled.rows import ground_row_of, row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
@@ -331,7 +331,7 @@ class _Case:
         if isinstance(self.scene.excitation, GroundMotion):
             motion = self.scene.excitation
             # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
-            x = row_of(runs.p, piece=np.full(self.ensemble.size, float(motion.piece) * rate))
+            x = ground_row_of(runs.p, piece=float(motion.piece) * rate)
             forcing = forcing_of([motion], _FREE * rate)
             # The tilt of the equations is positive against the acceleration of the base.
             size = -f / (float(motion.pga))
