@@ -94,7 +94,9 @@ def test_nothing_is_called_rest_while_the_shaking_grows():
 def test_quantiles_count_the_overturned_as_infinite():
     lost = np.arange(100) < 5
     found = by_hand(np.where(lost, np.inf, 0.4))
-    assert found.quantiles("tilt", (0.5, 0.95, 0.96)) == pytest.approx((0.1, 0.1, np.inf))
+    assert found.quantiles("tilt", (0.0, 0.5, 0.95, 0.96)) == pytest.approx((0.1, 0.1, 0.1, np.inf))
+    with pytest.raises(ValueError, match="`at` must be between 0 and 1, but is 95"):
+        found.quantiles("tilt", (95.0,))
 
 
 def test_conditions_are_dealt_out_evenly():

@@ -19,6 +19,7 @@ from tpd.answers.statistics import (
     fall,
     is_positive,
     mcnemar,
+    quantile_of,
 )
 
 
@@ -29,6 +30,18 @@ def test_shares_have_wilsons_interval():
         assert share == pytest.approx((hits / n, known.low, known.high), abs=1e-12)
     assert str(Share.of(np.arange(100) < 10)) == "10.0 % (5.5 to 17.4 %)"
     assert str(Share.of(np.zeros(0, bool))) == "nan % (0.0 to 100.0 %)"
+
+
+@pytest.mark.parametrize("allowed", [0.0, 0.01, 0.05, 0.07, 0.1, 0.25, 0.42, 0.5, 0.9])
+def test_a_quantile_is_the_smallest_value_that_at_most_the_allowed_share_exceeds(allowed):
+    for n in (*range(1, 130), 1000):
+        values = np.random.default_rng(n).permutation(n).astype(float)
+        value = quantile_of(values, 1.0 - allowed)
+        # No smaller value of the runs obeys the rule of the validation, which compares the same two numbers.
+        assert next(x for x in np.sort(values) if np.mean(values > x) <= allowed) == value
+    assert quantile_of(np.array([1.0, np.nan, 0.0]), 0.5) == 1.0
+    assert np.isnan(quantile_of(np.array([1.0, np.nan, 0.0]), 0.9))
+    assert np.isnan(quantile_of(np.zeros(0), 1.0 - allowed))
 
 
 def test_the_chance_of_a_difference_is_the_binomials():

@@ -415,7 +415,7 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
         # Residual, and its derivatives with respect to u, the varying parameter, and the other parameters.
         at = vanishing(np.append(u, [1.0] * (3 - m)), x)
         residual, by_axis = at.values[rows], at.by_x[rows] @ search.axis.jacobian(value)
-        system = np.column_stack([at.by_u[rows, :m], by_axis[:, 0]])
+        system = np.column_stack([at.by_u[rows, :m], by_axis[:, :1]])
         # The system is singular where two bifurcations coincide, and NaN where the orbit does not exist.
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None

@@ -228,13 +228,12 @@ def _scanned(
     stops = np.flatnonzero(~answered & np.concatenate([answered[1:], [True]]))
     outer = scales[np.maximum(starts - 1, 0)], scales[np.minimum(stops + 1, steps)]
     undecided = np.concatenate([np.stack(outer, axis=1), np.stack([lo, hi], axis=1)[~is_exact]])
-    undecided = undecided[np.argsort(undecided[:, 0])]
-    pairs = borders.reshape(-1, 2)
-    first = pairs[0, 0] if len(pairs) else np.inf
+    begins, _ = undecided.T
+    first = borders[0] if len(borders) else np.inf
     # An interval without an answer below the first crossing could contain an earlier one.
-    if len(undecided) and undecided[0, 0] < first:
+    if begins.min(initial=np.inf) < first:
         first = np.nan
-    return np.asarray(first), _padded(pairs), _padded(undecided)
+    return np.asarray(first), _padded(borders.reshape(-1, 2)), _padded(undecided[np.argsort(begins)])
 
 
 def _padded(intervals: np.ndarray) -> np.ndarray:
@@ -271,10 +270,9 @@ def bisected(
         if not len(rows):
             break
         factors = lo[rows, None] + (hi - lo)[rows, None] * share
-        falls = np.empty_like(factors)
         # The outcomes at both ends are known from the previous round.
-        falls[:, 0], falls[:, -1] = low_falls[rows], ~low_falls[rows]
-        falls[:, 1:-1] = verdict(factors[:, 1:-1])
+        low = low_falls[rows]
+        falls = np.column_stack([low, verdict(factors[:, 1:-1]), ~low])
         # The first factor on the upper side, and the last factor on the lower side before it.
         upper = np.argmax(falls == falls[:, -1:], axis=1)
         this = (falls == falls[:, :1]) & (places < upper[:, None])

@@ -243,10 +243,9 @@ def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str,
     )
     # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum. Hence the
     # result is the largest orbit of the status with the highest priority.
-    best = np.argmin(place, axis=1)[:, None]
+    best = np.arange(len(place)), np.argmin(place, axis=1)
     candidates = {"amplitude": amplitude, "swing": swing, "status": codes}
-    answer = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in candidates.items()}
-    return {**answer, "exact": np.ones(len(margin), bool)}
+    return {n: v[best] for n, v in candidates.items()} | {"exact": np.ones(len(margin), bool)}
 
 
 def _followed(

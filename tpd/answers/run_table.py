@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.statistics import Share
+from tpd.answers.statistics import Share, quantile_of
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled import simulate
 from tpd.compiled.columns import LAM, MU, NU
@@ -166,11 +166,8 @@ class Runs(Printed, Tabular):
         infinite if so many runs can only be reached with runs that overturn.
         """
         # Overturned runs have infinite angles, so that they come last in the order.
-        values = np.sort(getattr(self, angle)[~self.is_unanswered])
-        # Without answered runs nothing is known of the quantiles.
-        if not len(values):
-            return (math.nan,) * len(at)
-        return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
+        values = getattr(self, angle)[~self.is_unanswered]
+        return tuple(quantile_of(values, checks.within("at", q, 0.0, 1.0)) for q in at)
 
     def ended(self, overturns: bool) -> Runs:
         """Return the runs with an outcome for each run without an answer: overturned, or at rest."""

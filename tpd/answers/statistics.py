@@ -325,6 +325,18 @@ def chance_of_either(x: int, y: int) -> float:
     return min(1.0, 2.0 * chance_of(max(x, y), min(x, y)))
 
 
+def quantile_of(values: np.ndarray, share: float) -> float:
+    """Return the smallest value of a vector that at least this share of the values does not exceed.
+
+    It is also the smallest value that at most the share 1 - `share` of the values exceeds, which is the rule
+    of the validation for limits. NaN counts as larger than any number. The result is NaN without values.
+    """
+    # The result is never between two values, because it would belong to no run. Without the rounding to
+    # 9 decimals, 0.07 * 100 = 7.000000000000001 would count as eight values.
+    place = math.ceil(round(share * len(values), 9)) - 1
+    return float(np.sort(values)[max(0, place)]) if len(values) else math.nan
+
+
 def mcnemar(a: np.ndarray, b: np.ndarray, quakes: np.ndarray | None = None) -> np.ndarray:
     """Return the p-values of McNemar's test over earthquakes at each stripe, exact and two-sided.
 

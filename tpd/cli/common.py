@@ -22,8 +22,10 @@ from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block is high")}
 """Largest mass ratio and length ratio of a pendulum, with their meaning."""
-WITHOUT, WITH = "without a pendulum", "with the pendulum"
-"""Names of the two cases in printed results and in files."""
+WITHOUT = "without a pendulum"
+CASES = WITHOUT, "with the pendulum"
+"""Names of the two cases in printed results and in files, in the order of
+`tpd.answers.run_table.cases_of`."""
 _REQUIRED = {
     **dict.fromkeys(("assess", "optimise", "check"), "settings"),
     **dict.fromkeys(("shake", "spectrum"), "shaking"),
@@ -215,11 +217,6 @@ def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
     if damping is not None:
         check_damping("--pendulum-damping", damping)
     return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
-
-
-def cases_of(pendulum: Pendulum | None) -> dict[str, Pendulum | None]:
-    """Return the pendulum of each case by the name of the case: without and, if there is one, with it."""
-    return {WITHOUT: None} if pendulum is None else {WITHOUT: None, WITH: pendulum}
 
 
 def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:

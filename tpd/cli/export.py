@@ -56,6 +56,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
         in which it overturns.
     """
     from tpd.answers.motion_history import motion_history
+    from tpd.answers.run_table import cases_of
     from tpd.design.as_built import time_histories
 
     # Only a harmonic motion has an amplitude.
@@ -67,7 +68,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
         base = {"base_m": displacement, "base_m_s2": -(rate**2) * displacement}
         angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in cases]
     else:
-        histories = [motion_history(scene, h) for h in common.cases_of(pendulum).values()]
+        histories = [motion_history(scene, h) for h in cases_of(pendulum)]
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}

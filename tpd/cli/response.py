@@ -20,8 +20,9 @@ from tpd.answers.response import (
     settled_response,
     window,
 )
+from tpd.answers.run_table import cases_of
 from tpd.cli import common, outputs
-from tpd.cli.common import WITHOUT
+from tpd.cli.common import CASES, WITHOUT
 from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     own = _own_value(scene, name)
     orbits: dict[str, Branches] = {}
     settled: dict[str, Response] = {}
-    pendulums = common.cases_of(pendulum)
+    pendulums = dict(zip(CASES, cases_of(pendulum), strict=False))
     with Bar() as bar:
         bar("branches", 0, len(pendulums))
         for label, case_pendulum in pendulums.items():

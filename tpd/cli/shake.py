@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.motion_history import STRONG, MotionHistory, motion_history
+from tpd.answers.run_table import cases_of
 from tpd.answers.transient import Transient, transient
 from tpd.cli import common, outputs
-from tpd.cli.common import WITH, WITHOUT
+from tpd.cli.common import CASES
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.formatting import number
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     job, pendulum = case
     scene = job.under(job.shaking)
     common.print_header(scene, pendulum, notes=job.messages, at_rest=AtRest.under(scene))
-    cases = common.cases_of(pendulum)
+    cases = dict(zip(CASES, cases_of(pendulum), strict=False))
     free = options.free
     # The nonlinear motion of each pair decides, because the linear equations are meant for small angles.
     motions = {
@@ -53,7 +54,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
     needed = {name: history.needed_friction for name, history in histories.items()}
-    tilts = (float(motions[x][0].tilt) if x in motions else math.nan for x in (WITHOUT, WITH))
+    tilts = (float(motions[x][0].tilt) if x in motions else math.nan for x in CASES)
     sentences = sliding_in_runs(needed, scene.block.base_friction), difference(*tilts)
     closing = (line for text in sentences for line in wrapped(text))
     print_answer(*(line for table in tables for line in ("", *table)), "", *closing)

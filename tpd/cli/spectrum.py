@@ -60,7 +60,7 @@ def _overturning(
     shares, undecided = spectrum.safe().tolist(), spectrum.undecided().tolist()
     total = spectrum.without_pendulum.size
     stands = (_share(share, n, total) for share, n in zip(shares, undecided, strict=True))
-    cases = (f"{share} {name}" for share, name in zip(stands, (common.WITHOUT, common.WITH), strict=False))
+    cases = (f"{share} {name}" for share, name in zip(stands, common.CASES, strict=False))
     line = f"pulses under which the block does not overturn: {', '.join(cases)}"
     print_answer("", line, *_undecided_line("pulses", undecided, total))
     return spectrum, {"survived": shares, "undecided": undecided}
@@ -84,8 +84,7 @@ def _share(safe: float, undecided: int, total: int) -> str:
 
 def _undecided_line(noun: str, counts: Iterable[int], total: int) -> list[str]:
     """Return a line with the number of runs without a solution in each case; empty if there are none."""
-    names = common.WITHOUT, common.WITH
-    cases = [f"{n} of {total} {name}" for n, name in zip(counts, names, strict=False) if n]
+    cases = [f"{n} of {total} {name}" for n, name in zip(counts, common.CASES, strict=False) if n]
     return [f"{noun} without a solution: {', '.join(cases)}"] if cases else []
 
 

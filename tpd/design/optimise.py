@@ -235,7 +235,7 @@ def front(
     """
     checks.instance("design", design, Design)
     block = design.scene.block
-    low, high = design.space.ends[:, 0].tolist()
+    (low, *_), (high, *_) = design.space.ends.tolist()
     if low == high:
         raise ValueError("`design` has a bob of fixed mass, so that lighter bobs cannot be compared with it")
     # The first mass of the sequence is the lower end itself, and the last one is the design: both are left

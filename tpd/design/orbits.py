@@ -188,9 +188,8 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
     kinds = _KIND_OF[orbits["status"].astype(int)]
     # Orbits are sorted by amplitude, largest first. Among orbits of equal kind the largest counts.
     best = np.argmin(kinds, axis=1)
-    one = np.take_along_axis(orbits, best[:, None], axis=1)
-    slope = orbit_slopes(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
-    o = one[:, 0]
+    o = orbits[np.arange(len(best)), best]
+    slope = orbit_slopes(x, o[:, None], along, (0, SIZES["torus"] + 1)).squeeze(1)
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):

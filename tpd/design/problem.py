@@ -18,6 +18,7 @@ from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
+from tpd.answers.statistics import quantile_of
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
@@ -446,9 +447,7 @@ class Problem(ABC):
 
     def reached(self, values: np.ndarray) -> float:
         """Return the value of a run that only the allowed share of the runs exceeds; NaN without runs."""
-        # A value between two runs would belong to no run, and could be below the limit that one run exceeds.
-        level = 1.0 - self.allowed
-        return float(np.quantile(values, level, method="higher")) if len(values) else np.nan
+        return quantile_of(values, 1.0 - self.allowed)
 
     def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:
         """Return the share of the runs that exceed a limit, and the name of the limit that most of them
@@ -477,7 +476,7 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
     Raises:
         ValueError: the limit is not above the smallest mass of the space.
     """
-    limit, (low, high) = limit_of(limits, Mass), space.ends[:, 0].tolist()
+    limit, ((low, *_), (high, *_)) = limit_of(limits, Mass), space.ends.tolist()
     if limit is None:
         return space
     # Every search keeps a bound exactly, but a constraint only within its tolerance: state the limit as a

@@ -10,7 +10,7 @@ import numpy as np
 
 from tpd.answers.ensemble import Ensemble, Plan, plan
 from tpd.answers.run_table import follow_runs, forcing_of
-from tpd.answers.statistics import Share
+from tpd.answers.statistics import Share, quantile_of
 from tpd.compiled.rows import ground_row_of, row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
@@ -347,7 +347,7 @@ class _Case:
             share = np.where(since < grow, since / np.where(grow > 0.0, grow, 1.0), 1.0)
             return f * share * np.sin(w * since)
 
-        period = 2.0 * np.pi / w[:, 0]
+        period = 2.0 * np.pi / w.ravel()
         end = self.ensemble.periods * period
         forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
         return (row_of(runs.p), forcing), shaking, end, end - _LAST * period
@@ -355,7 +355,5 @@ class _Case:
 
 def _size(values: np.ndarray, share: float) -> str:
     """Return a quantile as text. Overturned runs have an infinite tilt, larger than all others."""
-    # The smallest value that at least `share` of the runs do not exceed.
-    ordered = np.sort(values)
-    x = float(ordered[min(len(ordered) - 1, math.ceil(share * len(ordered)) - 1)])
+    x = quantile_of(values, share)
     return "overturns" if math.isinf(x) else number(x, 3)

@@ -134,7 +134,8 @@ class Maxima:
 
     def add(self, rows: np.ndarray, path: np.ndarray, late: np.ndarray, steps: np.ndarray) -> None:
         """Add the states of some runs, shape (rows, steps, state)."""
-        time, x, z, tilt = np.moveaxis(path[:, :, :4], 2, 0)
+        # The fourth coordinate of a body with a pendulum is the angle between rod and block.
+        time, x, z, tilt, rod_angle, *_ = np.moveaxis(path, 2, 0)
         # States after an overturning or after the end of a run do not count.
         fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
@@ -144,8 +145,7 @@ class Maxima:
         at_end = counts & (time >= late[rows, None])
         self.settled_tilt[rows] = np.maximum(self.settled_tilt[rows], _largest(tilt, at_end))
         if self.has_pendulum:
-            # The fourth coordinate of a body with a pendulum is the angle between rod and block.
-            self.rod_angle[rows] = np.maximum(self.rod_angle[rows], _largest(path[:, :, 4], counts))
+            self.rod_angle[rows] = np.maximum(self.rod_angle[rows], _largest(rod_angle, counts))
         # Height and displacement of each corner follow from position and tilt of the block.
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)

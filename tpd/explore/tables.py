@@ -128,10 +128,9 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
 
 def _first(sizes: np.ndarray, is_wanted: np.ndarray) -> np.ndarray:
     """Sizes (n, orbits) of the first wanted orbit of each row, NaN without any; orbits come largest first."""
-    # Without a wanted orbit the index is 0, and `exists` is False there.
-    first = np.argmax(is_wanted, axis=1)[:, None]
-    exists = np.take_along_axis(is_wanted, first, axis=1)
-    return np.where(exists, np.take_along_axis(sizes, first, axis=1), np.nan)[:, 0]
+    # Without a wanted orbit the index is 0, and the orbit is not wanted.
+    first = np.arange(len(sizes)), np.argmax(is_wanted, axis=1)
+    return np.where(is_wanted[first], sizes[first], np.nan)
 
 
 def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndarray:

@@ -118,7 +118,7 @@ class _AsBuilt(NamedTuple):
         mass = heavy if math.isfinite(heavy) else mass
         # The lower edge of a cylinder is lowest at some angle between rest and the end of the swing.
         outlines = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
-        depth = -float(min(outline[:, 1].min() for outline in outlines))
+        depth = -float(min(y for outline in outlines for _, y in outline))
         reach = float(body.reach(mass, rod, angle))
         wall, exists = 0.5 * scene.block.clear_width, math.isfinite(built)
         return _AsBuilt(pendulum, body, mass, bob is not None, rod, exists, angle, depth, reach, wall)
@@ -322,14 +322,14 @@ def _dimension(
         ax.plot(*np.stack([start, end + over]).T, color=GREY, lw=0.5)
     arrow = {"arrowstyle": "<|-|>", "lw": 0.8, "color": INK}
     ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
-    middle = ends.mean(axis=0)
+    x, y = ends.mean(axis=0)
     if is_level:
-        ax.text(middle[0], middle[1] + 0.05 / scale, text, fontsize=8, color=INK, ha="center", va="bottom")
+        ax.text(x, y + 0.05 / scale, text, fontsize=8, color=INK, ha="center", va="bottom")
         return
     # A text that is longer than the line would reach above the view, so it is moved down.
-    y = min(middle[1], ends[1, 1] - 0.035 * len(text) / scale)
-    x = middle[0] - 0.04 / scale
-    ax.text(x, y, text, rotation=90, fontsize=8, color=INK, ha="right", va="center")
+    _, (_, top) = ends
+    y = min(y, top - 0.035 * len(text) / scale)
+    ax.text(x - 0.04 / scale, y, text, rotation=90, fontsize=8, color=INK, ha="right", va="center")
 
 
 def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:

@@ -134,7 +134,9 @@ def spectral_acceleration(
     # The unit of time is 1/omega. With a suitable unit of length, omega^2 x is then an acceleration.
     h, free = 2.0 * np.pi * float(motion.piece) / period, math.sqrt(1.0 - damping**2)
     rates = np.diag([1.0, 0.0, 1.0, 1.0, 1.0], 1)
-    rates[1, :3] = -1.0, -2.0 * damping, -1.0
+    # Row of the second derivative of the displacement.
+    second = rates[1]
+    second[:3] = -1.0, -2.0 * damping, -1.0
     # Rows of the states: displacement, its rate, and the acceleration of the base with its three derivatives.
     derivatives = c.T * (factorial(np.arange(4)) / h ** np.arange(4))[:, None]
     states = np.concatenate([np.zeros((2, len(c))), derivatives])
@@ -145,7 +147,8 @@ def spectral_acceleration(
     while far < len(c):
         sizes[far:] += np.exp(exponent * h * far) * sizes[:-far]
         far *= 2
-    states[0, 1:], states[1, 1:] = sizes[:-1].real, (exponent * sizes[:-1]).real
+    displacements, speeds, *_ = states
+    displacements[1:], speeds[1:] = sizes[:-1].real, (exponent * sizes[:-1]).real
     # The first turning point after the motion is the largest.
     size = complex(sizes[-1])
     turn = (0.5 * np.pi - np.angle(size * exponent)) % np.pi / free
@@ -159,7 +162,7 @@ def spectral_acceleration(
     ends = _exponential(rates * h) @ states
     # Bernstein coefficients of the quintics. No quintic exceeds its largest coefficient.
     near, far = (
-        (x[0], x[0] + dt * x[1] / 5.0, x[0] + dt * 0.4 * x[1] + h**2 / 20.0 * (rates[1] @ x))
+        (x[0], x[0] + dt * x[1] / 5.0, x[0] + dt * 0.4 * x[1] + h**2 / 20.0 * (second @ x))
         for x, dt in ((states, h), (ends, -h))
     )
     quintics = np.stack([*near, *far[::-1]])

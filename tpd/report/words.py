@@ -120,8 +120,7 @@ def range_of_mass(design: Design) -> str:
     """
     if design.equivalent is None or design.pendulum is None:
         return ""
-    # The first column is the mass ratio.
-    low, high = (float(x) * float(design.scene.block.mass) for x in design.equivalent[:, 0])
+    low, high = (float(mu) * float(design.scene.block.mass) for mu, *_ in design.equivalent)
     # A range such as "510 to 510 kg" would not be a range.
     if number(low, 2) == number(high, 2):
         return ""

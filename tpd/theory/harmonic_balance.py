@@ -173,7 +173,7 @@ def one_harmonic(p: Parameters) -> Harmonic1:
         0.0664
     """
     both = one_harmonic_branches(p)
-    return Harmonic1(both.amplitude[..., 0], both.swing[..., 0], both.exists[..., 0])
+    return Harmonic1(*(x[..., 0] for x in (both.amplitude, both.swing, both.exists)))
 
 
 class Neglected(NamedTuple):
