@@ -59,7 +59,7 @@ def test_impacts_are_smoothed_unless_they_lose_nearly_all():
         ({"starts": tpd.Starts(size=6)}, r"`starts` of a design must be Starts.any\(\) or Starts.rest\(\)"),
         (
             {"scene": tpd.Scene(SCENE.block, tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))},
-            "a harmonic",
+            "a Harmonic",
         ),
         ({"ensemble": tpd.Ensemble(restitution=0.1)}, "`restitution` can vary only if it is a number"),
         ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "but has two of Tilt"),

@@ -13,7 +13,7 @@ from tpd.cli.grammar import EXPORTED
 from tpd.cli.terminal import SOUND
 from tpd.core import files
 from tpd.engines.rigid_body import mjcf, opensees
-from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 
 def run(options: argparse.Namespace) -> int:
@@ -59,8 +59,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
     from tpd.answers.run_table import cases_of
     from tpd.design.as_built import time_histories
 
-    # Only a harmonic motion has an amplitude.
-    if hasattr(scene.excitation, "amplitude"):
+    if isinstance(scene.excitation, Harmonic):
         cases = time_histories(scene, pendulum)
         # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.
         times, rate = cases[0].time, float(scene.excitation.rate)

@@ -129,11 +129,8 @@ class HarmonicProblem(Problem):
             raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
         checks.instance("scene", scene, Scene)
         checks.optional("conditions", conditions, Conditions)
-        if not isinstance(scene.excitation, Harmonic):
-            raise ValueError(
-                "the motion of `scene` must be a harmonic: pass pulses and records as "
-                "`conditions=tpd.Conditions.records(...)`"
-            )
+        hint = ": pass pulses and records as `conditions=tpd.Conditions.records(...)`"
+        checks.instance("scene.excitation", scene.excitation, Harmonic, hint)
         checked = HarmonicProblem.checked(scene, space=space, **inputs)
         conditions = Conditions.around(scene) if conditions is None else conditions
         check_moves(scene, conditions)
