@@ -72,6 +72,15 @@ def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
     assert found.risks[1] == found.trials.without_pendulum
 
 
+def test_only_harmonic_designs_have_exact_motions_and_compared_models(harmonic, ground):
+    without_pendulum, with_pendulum = harmonic.exact_motions
+    assert without_pendulum is harmonic.problem.without_pendulum
+    assert with_pendulum is harmonic.best.exact
+    assert ground.exact_motions == ground.problem.compared_models(ground.pendulum, models=("exact",)) == ()
+    (compared,) = harmonic.problem.compared_models(harmonic.pendulum, models=("exact",))
+    assert {"exact", "nonlinear"} <= {model.name for model in compared.models}
+
+
 def test_a_design_that_is_tuned_only_claims_no_benefit(ground):
     tuned = dataclasses.replace(ground, status=DesignStatus.tuned_only)
     assert tuned.pendulum is not None

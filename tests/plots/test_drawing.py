@@ -48,6 +48,17 @@ def said(scene, pendulum, **how) -> str:
     return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
 
 
+def test_a_drawing_names_the_excitation_and_the_swing_as_they_are_known():
+    pulse = dataclasses.replace(CHIMNEY, excitation=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
+    for scene, base, swing in (
+        (CHIMNEY, "±0.15 m\nat 0.8 Hz", "settled"),
+        (pulse, "ground motions", "largest"),
+    ):
+        whole, detail = plot_scene(scene, examples.PENDULUM, swing=0.5).figure.axes
+        assert any(text.get_text().endswith(f"base: {base}") for text in whole.texts)
+        assert any(text.get_text().startswith(f"{swing} swing ±0.5 rad") for text in detail.texts)
+
+
 CAVE = dataclasses.replace(
     examples.SCENE, block=dataclasses.replace(examples.SCENE.block, cavity_width=0.085)
 )
