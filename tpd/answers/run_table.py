@@ -285,11 +285,10 @@ def follow_runs(
         progress: function that is called with (number of finished runs, number of all runs).
     """
     check_where(workers, cluster, progress)
-    n, ground = len(rows), isinstance(forcing, GroundForcing)
     # The fields of the forcing with one value for each run, of the two kinds of forcing.
-    per_run = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
+    n, per_run = len(rows), ("free", "which") if isinstance(forcing, GroundForcing) else ("begin", "ramp")
     # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
-    batch = {name: np.broadcast_to(x, n) for name, x in per_run.items()}
+    batch = {name: np.broadcast_to(getattr(forcing, name), n) for name in per_run}
     batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
     limits = {"events": events, "rtol": rtol, "brief": brief}
     # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
@@ -386,6 +385,5 @@ def follow_scaled(
     ]
     # Compiled code has dimensionless times, hence the rate of the block.
     forcing = forcing_of(motions, free * single(scenes[0].rate), which)
-    x = np.concatenate(rows)
-    table = follow_runs(equations, x, forcing, brief=brief, condition=which, **options)
+    table = follow_runs(equations, np.concatenate(rows), forcing, brief=brief, condition=which, **options)
     return table.reshape(len(pendulums), *factors.shape)

@@ -216,7 +216,8 @@ def rocking_spectrum(
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    # Only the dimensionless duration of a piece depends on the size.
+    # Only the dimensionless duration of a piece depends on the size. With NumPy numbers JAX compiles no
+    # program.
     rows = [
         ground_row_of(single(scene.ground_parameters(case)), piece=float(motion.piece) * rates)
         for case in cases_of(pendulum)

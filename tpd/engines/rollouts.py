@@ -116,11 +116,6 @@ def follow(
     return results.runs()
 
 
-def _largest(values: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Return the largest absolute value of each row (n, m) among the entries that count, shape (n,)."""
-    return np.max(np.where(where, np.abs(values), 0.0), axis=1)
-
-
 class Maxima:
     """Largest angles and displacements of runs so far."""
 
@@ -137,15 +132,20 @@ class Maxima:
         # The fourth coordinate of a body with a pendulum is the angle between rod and block.
         time, x, z, tilt, rod_angle, *_ = np.moveaxis(path, 2, 0)
         # States after an overturning or after the end of a run do not count.
+        lasts = np.arange(tilt.shape[1]) < steps[:, None]
         fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
-        counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
-        self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
-        self.tilt[rows] = np.maximum(self.tilt[rows], _largest(tilt, counts))
+        counts = ~fell & lasts
+        self.overturned[rows] |= np.any(fell & lasts, axis=1)
+
+        def grow(largest: np.ndarray, values: np.ndarray, where: np.ndarray) -> None:
+            sizes = np.where(where, np.abs(values), 0.0)
+            largest[rows] = np.maximum(largest[rows], sizes.max(axis=1))
+
+        grow(self.tilt, tilt, counts)
         # The last periods of a run count as settled.
-        at_end = counts & (time >= late[rows, None])
-        self.settled_tilt[rows] = np.maximum(self.settled_tilt[rows], _largest(tilt, at_end))
+        grow(self.settled_tilt, tilt, counts & (time >= late[rows, None]))
         if self.has_pendulum:
-            self.rod_angle[rows] = np.maximum(self.rod_angle[rows], _largest(rod_angle, counts))
+            grow(self.rod_angle, rod_angle, counts)
         # Height and displacement of each corner follow from position and tilt of the block.
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)
@@ -154,7 +154,7 @@ class Maxima:
             down = height < _LIFTED * self.b
             shift = x + side * a * cos - self.b * sin - side * a
             # A corner slides only while it is on the floor.
-            self.slid[rows] = np.maximum(self.slid[rows], _largest(shift, counts & down))
+            grow(self.slid, shift, counts & down)
             off &= ~down
         self.bounced[rows] |= np.any(off & counts, axis=1)
 
