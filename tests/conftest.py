@@ -1,4 +1,4 @@
-"""64-bit floats, no silent rank promotion, and jaxtyping shapes checked by beartype."""
+"""64-bit floats, no silent rank promotion, and types checked by beartype, with the shapes of jaxtyping."""
 
 import gc
 import os
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import jax
 import pytest
-from jaxtyping import install_import_hook
+
+from tests import type_checks
 
 # A worker holds millions of objects of compiled programs: searching them for garbage took 5 % of the time.
 gc.set_threshold(50_000, 20, 100)
@@ -24,7 +25,7 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 # programs give NaN.
 os.environ["EQX_ON_ERROR"] = "nan"
 
-install_import_hook("tpd", "beartype.beartype")
+type_checks.install()
 
 # After the hook, which checks what is imported from then on.
 # Those of `in_chunks`, for all programs here: most of the tests' time goes into compiling.

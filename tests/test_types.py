@@ -1,10 +1,17 @@
-"""A user's script that misspells something is refused by a checker of types, and a right one passes."""
+"""A script of a user that misspells something is refused by a checker of types, and a right one passes. While
+the tests run, types and shapes are checked in all calls of the package."""
 
 import json
 import subprocess
 import sys
 
+import jax.numpy as jnp
+import jaxtyping
 import pytest
+from beartype.roar import BeartypeCallHintParamViolation
+
+from tpd.compiled.derivatives import moved
+from tpd.core.formatting import number
 
 SCRIPT = """
 import tpd
@@ -81,3 +88,11 @@ def test_a_misspelt_one_is_refused_where_it_is(errors, name):
     line = SCRIPT[: SCRIPT.index(WRONG[name][0])].count("\n")
     # An option that stands in two lines is refused in the second.
     assert any(found - line in (0, 1) for found in errors[name]), errors[name]
+
+
+def test_types_and_shapes_are_checked_while_the_tests_run():
+    with pytest.raises(BeartypeCallHintParamViolation, match="parameter x="):
+        number("12")
+    assert moved(jnp.ones((2, 3)), jnp.ones(3), jnp.ones(3)).shape == (2,)
+    with pytest.raises(jaxtyping.TypeCheckError, match="moved"):
+        moved(jnp.ones((2, 3)), jnp.ones(3), jnp.ones(2))
