@@ -2,9 +2,12 @@
 
     python -m tests.benchmarks                 list all benchmarks
     python -m tests.benchmarks NAME ...        run benchmarks, store their results and write the pages
-    python -m tests.benchmarks --stale         run those without a result of this version, except long ones
+    python -m tests.benchmarks --stale         run those whose modules have changed since, except long ones
     python -m tests.benchmarks --quick NAME ...  run a small size and print the results; store nothing
     python -m tests.benchmarks --draw          write tables and pictures again from the stored results
+    python -m tests.benchmarks --mark          mark results as older than the code, and draw the pages again
+    python -m tests.benchmarks regret --scenes statue column --spaces own --seeds 0 1    run a part
+    python -m tests.benchmarks regret --long   search longer for better designs to compare with
 
 Do not use the machine for other work meanwhile. Each benchmark runs in a process of its own.
 """
@@ -31,7 +34,7 @@ def listed() -> str:
         if found is not None:
             days = (datetime.date.today() - datetime.date.fromisoformat(found.about["date"])).days
             old = ", STALE" if stored.is_stale(name) else ""
-            said = f"{found.about['version']} of {found.about['date']}, {days} days old{old}"
+            said = f"{found.about['commit']} of {found.about['date']}, {days} days old{old}"
         lines.append(f"{name:12} {said:38} {stored.module(name).QUESTION}")
     return "\n".join(lines)
 
@@ -44,7 +47,15 @@ def main() -> int:
     parser.add_argument("--stale", action="store_true")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--draw", action="store_true")
+    parser.add_argument("--mark", action="store_true")
+    parser.add_argument("--long", action="store_true")
+    parser.add_argument("--scenes", nargs="+", default=())
+    parser.add_argument("--spaces", nargs="+", default=())
+    parser.add_argument("--seeds", nargs="+", default=(), type=int)
     asked = parser.parse_args()
+    part = {key: value for key in ("scenes", "spaces", "seeds", "long") if (value := getattr(asked, key))}
+    if part and asked.names != ["regret"]:
+        parser.error(f"--{' and --'.join(part)} can be used only with `regret`, and with no other benchmark")
     names = list(asked.names)
     if unknown := set(names) - set(stored.NAMES):
         parser.error(f"there is no benchmark {', '.join(sorted(unknown))}; there are {known}")
@@ -52,7 +63,7 @@ def main() -> int:
         names += [n for n in stored.NAMES if stored.is_stale(n) and n not in (*stored.LONG, *names)]
     if len(names) == 1:
         begun = time.perf_counter()
-        rows = stored.module(names[0]).run(asked.quick)
+        rows = stored.module(names[0]).run(asked.quick, **part)
         if asked.quick:
             print(stored.module(names[0]).table(stored.plain(rows)))
         else:
@@ -65,9 +76,11 @@ def main() -> int:
         command = [sys.executable, "-m", "tests.benchmarks", name, *(["--quick"] if asked.quick else [])]
         if subprocess.run(command, check=False, cwd=stored.ROOT).returncode:
             failed.append(name)
-    if asked.draw:
+    if asked.mark:
+        print("older than the code:", ", ".join(stored.mark()) or "none")
+    if asked.draw or asked.mark:
         stored.draw()
-    if not names and not asked.draw:
+    if not (names or asked.draw or asked.mark):
         print(listed())
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)

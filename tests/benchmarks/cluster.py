@@ -15,6 +15,7 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "How fast are several processes, and how long does it take if one is killed?"
+MEASURES = "cluster", "core/batch"
 SEED, ROUNDS, KILLS = 1, 2, 5
 BLOCK = tpd.Block(width=0.45, height=1.8, mass=900.0, restitution="housner")
 BOB = tpd.Pendulum(mass=90.0, length=0.6, damping_ratio=0.2)

@@ -11,6 +11,7 @@ from typing import Any
 from tests.benchmarks.stored import ROOT, columns
 
 QUESTION = "How long does a command take, the first time and later?"
+MEASURES = "compiled", "models", "design"
 SEED = None
 PENDULUM = "--mass-ratio 0.03459 --length-ratio 0.10426 --pendulum-damping 0.5981"
 COMMANDS = {

@@ -13,6 +13,7 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "Which blocks benefit from a pendulum in earthquakes that the search did not use?"
+MEASURES = "compiled", "design"
 SEED = 0
 HEIGHTS, SLENDERNESS, STRIPES = (1.0, 3.0, 8.0, 20.0), (0.12, 0.2, 0.3), (1.5, 2.0, 3.0, 4.0)
 COLUMN = {"width": 0.7, "height": 4.0, "mass": 2210.0, "radius_of_gyration": 1.18, "cavity_width": 0.5}

@@ -11,6 +11,7 @@ from tests.benchmarks.stored import columns, timed
 from tests.reference import WITH, parameters
 
 QUESTION = "How fast are many designs with gradients, multipliers and statuses, and how fast are runs?"
+MEASURES = "compiled", "core/batch", "answers/ensemble", "answers/run_table", "answers/symmetric_orbits"
 SEED = 0
 PERIODS, SPREAD = 100, 0.1
 """Periods of a run; share by which mass, length and damping vary around the reference scenes."""

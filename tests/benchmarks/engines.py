@@ -12,6 +12,7 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "Does a rigid-body engine agree about the benefit of a design?"
+MEASURES = "engines", "compiled"
 SEED = None
 
 

@@ -18,6 +18,7 @@ from tests.benchmarks.stored import ROOT, columns, timed
 from tpd.scene.parameters import as_arrays
 
 QUESTION = "How accurate and how fast are motions under records?"
+MEASURES = "compiled", "answers/transient", "answers/fragility", "answers/spectra"
 SEED, FREE = 0, 10.0
 """Seconds of free motion after the record."""
 PARTS = (1, 5, 20, 100, 200)

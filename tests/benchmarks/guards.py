@@ -150,6 +150,7 @@ GUARDS = (
           _tests("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
 # fmt: on
+MEASURES = tuple(dict.fromkeys(guard.place.partition(":")[0] for guard in GUARDS))
 
 
 def _copied(root: Path) -> None:

@@ -14,6 +14,7 @@ from tpd.answers.fragility import fit_lognormal
 from tpd.answers.statistics import Interval, change, fall
 
 QUESTION = "Do 95 % intervals contain the true value?"
+MEASURES = "answers/statistics", "answers/fragility"
 SEED = 0
 EARTHQUAKES = (4, 5, 7, 11, 22)
 TILTS = {"usual": 0.3, "mostly at rest": -0.2, "mostly overturned": 0.8}

@@ -40,6 +40,7 @@ QUESTION = "Does a test of the module notice if one operator, constant or condit
 SEED = 1
 PLACES = 300
 FOLDERS = ("design", "answers", "scene", "report", "theory", "formats")
+MEASURES = FOLDERS
 ALSO = {"formats/text": ("tests/formats/test_table.py",)}
 """Further tests of modules."""
 WITHOUT_EFFECT = {"stacklevel", "strict", "repr", "figsize"}

@@ -15,6 +15,7 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "Does the gradient help, against derivative-free methods on the same function?"
+MEASURES = "models", "design/search", "design/orbits", "design/sizes", "design/settings"
 SEED, SEEDS = 0, 5
 """First seed, and number of seeds."""
 NEAR, BUDGET = 1e-3, 1000

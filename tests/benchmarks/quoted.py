@@ -19,6 +19,7 @@ from tpd.answers.paired import LEAST, Decision, PairedRuns
 from tpd.answers.statistics import Interval, fall
 
 QUESTION = "Do reductions contain the truth that are quoted because their own earthquakes passed?"
+MEASURES = "answers/statistics", "answers/paired"
 SEED = 0
 AT_LEAST, SHARE = 0.1, 0.5
 """Required reduction, and the part of it that must be significant."""

@@ -3,6 +3,7 @@
 A benchmark is a module of this folder, named in `NAMES`, with
 
     QUESTION: str                     question that it answers, for the list
+    MEASURES: tuple[str, ...]         modules and folders of `tpd` that decide its numbers, such as "compiled"
     SEED: int or None                 seed of its random numbers
     run(quick) -> list[dict]          measurement: records of numbers, texts and lists of them
     table(rows) -> str                the rows as Markdown
@@ -10,12 +11,14 @@ A benchmark is a module of this folder, named in `NAMES`, with
 """
 
 import datetime
+import hashlib
 import json
 import math
 import os
 import platform
 import re
 import statistics
+import subprocess
 import time
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -27,11 +30,13 @@ from typing import Any, NamedTuple
 import tpd
 
 NAMES = (
-    *("precision", "smoothing", "engine", "commands", "ground", "benefit", "earthquakes", "optima"),
+    *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
     *("engines", "cluster", "intervals", "quoted", "guards", "mutations"),
 )
-LONG = ("guards", "mutations")
+LONG = ("regret", "guards", "mutations")
 """Benchmarks that `--stale` does not run."""
+OLDER = "older than the code"
+"""Mark of a result whose modules have changed. Every page that shows the result repeats the mark."""
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).parent / "results"
 PICTURES = ROOT / "notebooks" / "pictures"
@@ -54,10 +59,29 @@ def module(name: str) -> ModuleType:
     return import_module(f"tests.benchmarks.{name}")
 
 
+def code(name: str) -> str:
+    """Return a hash of the source of the modules that decide the numbers of a benchmark.
+
+    Raises:
+        ValueError: `MEASURES` of the benchmark names a module that does not exist.
+    """
+    every = hashlib.sha256()
+    for place in module(name).MEASURES:
+        folder = ROOT / "tpd" / place
+        paths = sorted(folder.rglob("*.py")) or [folder.with_suffix(".py")]
+        if not paths[0].exists():
+            raise ValueError(f"`MEASURES` of the benchmark {name} must name modules of tpd, but has {place}")
+        for path in paths:
+            every.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
+    return every.hexdigest()[:12]
+
+
 def about(name: str, seconds: float) -> dict[str, Any]:
-    """Return version, date, machine, command and seed of a result."""
+    """Return version, commit, date, machine, command and seed of a result."""
     return {
         "version": tpd.__version__,
+        "commit": _commit(),
+        "code": code(name),
         "date": str(datetime.date.today()),
         "machine": _machine(),
         "cores": os.cpu_count(),
@@ -66,6 +90,12 @@ def about(name: str, seconds: float) -> dict[str, Any]:
         "seed": module(name).SEED,
         "seconds": round(seconds),
     }
+
+
+def _commit() -> str:
+    command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "unknown"
 
 
 def _version(package: str) -> str:
@@ -83,9 +113,12 @@ def _machine() -> str:
 
 def store(name: str, rows: list[dict[str, Any]], seconds: float) -> None:
     """Write a file of results."""
+    _write(name, about(name, seconds), plain(rows))
+
+
+def _write(name: str, said: dict[str, Any], rows: list[dict[str, Any]]) -> None:
     RESULTS.mkdir(exist_ok=True)
-    text = compact({"about": about(name, seconds), "rows": plain(rows)})
-    (RESULTS / f"{name}.json").write_text(text, encoding="utf-8")
+    (RESULTS / f"{name}.json").write_text(compact({"about": said, "rows": rows}), encoding="utf-8")
 
 
 def read(name: str) -> Stored | None:
@@ -95,9 +128,17 @@ def read(name: str) -> Stored | None:
 
 
 def is_stale(name: str) -> bool:
-    """Return whether a benchmark has no result of this version of the package."""
+    """Return whether a benchmark has no result of the present source of the modules that it measures."""
     found = read(name)
-    return found is None or found.about["version"] != tpd.__version__
+    return found is None or found.about["code"] != code(name)
+
+
+def mark() -> list[str]:
+    """Mark the results that are older than the code, and return their names."""
+    results = {name: found for name in NAMES if (found := read(name)) is not None and is_stale(name)}
+    for name, found in results.items():
+        _write(name, found.about | {"code": OLDER}, found.rows)
+    return list(results)
 
 
 def plain(value: Any) -> Any:
