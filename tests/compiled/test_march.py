@@ -35,7 +35,9 @@ def followed(plants, y0, marches, legs, counts, ends):
         for i in range(4):
             m.y[i] = y0[n, i]
         decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
-        ends[n] = follow_periods(q, f, m, legs[n], workspace, Limits(2e-7 * q.nu, 2000, 0, 1.0), PERIODS)
+        ends[n] = follow_periods(
+            q, f, m, legs[n], workspace, Limits(2e-7 * q.nu, 2000, (0, 13), 1.0), PERIODS
+        )
         counts[n] = m.n_legs
     return len(motions) + len(workspaces)
 

@@ -212,3 +212,15 @@ def test_an_orbit_has_the_fewest_periods_after_which_it_closes():
         assert bool(found.symmetric)
     assert float(early.multiplier) == pytest.approx(float(late.multiplier), rel=1e-9)
     assert float(early.amplitude) == pytest.approx(float(late.amplitude), rel=1e-12)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["name"])
+def test_numbers_have_the_same_bits_with_and_without_derivatives(row):
+    x, y0 = np.array(row["parameters"]), np.array(row["y0"])
+    values = SETTLE(x, y0)
+    pushed, _ = jax.jit(lambda x: jax.jvp(lambda x: steady_state(parameters(x), y0=y0), (x,), (x,)))(x)
+    batch = jax.vmap(lambda x: steady_state(parameters(x), y0=y0))(x[None])
+    for name in ("amplitude", "swing", "state", "status", "multiplier", "lyapunov", "periods", "elapsed"):
+        a, b, c = (np.asarray(jax.tree.leaves(getattr(s, name))[0]) for s in (values, pushed, batch))
+        np.testing.assert_array_equal(a, b, err_msg=name)
+        np.testing.assert_array_equal(a, c[0], err_msg=name)

@@ -135,10 +135,11 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_rate: float) -> PeriodicOrbit:
     x = row_of(as_arrays(single(p)))
-    settings = LINEAR.settings("ORBIT", periods=periods, events=events, rest_rate=rest_rate)
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
-    is_plain = all(map(checks.is_concrete, inputs))
+    is_plain, slopes = all(map(checks.is_concrete, inputs)), float(not checks.is_concrete(x))
+    limits = {"events": events, "rest_rate": rest_rate, "slopes": slopes}
+    settings = LINEAR.settings("ORBIT", periods=periods, **limits)
     call, row = (LINEAR.on_host, settings) if is_plain else (LINEAR, packed(map(stop_gradient, settings)))
     (record,) = call((shape(numbers_in(STEADY)),), row, *inputs[:2])
     fields = parts(record, STEADY)

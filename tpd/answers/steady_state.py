@@ -11,7 +11,8 @@ both use it. The derivative does not exist where a multiplier is on the unit cir
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any
 
 import equinox as eqx
@@ -23,7 +24,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.compiled.columns import NU, WIDTH
-from tpd.compiled.derivatives import joined, refused
+from tpd.compiled.derivatives import joined, primal, refused
 from tpd.compiled.simulate import SteadyNumbers
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
@@ -289,18 +290,46 @@ def _states_at_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> 
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
-    # Value and slopes are computed first, and then joined. Forward and reverse mode, nested to any depth,
-    # then cost one product with the slopes, and never differentiate the loops that solve for the orbit.
+    # Derivatives are computed only if JAX asks for them, and then together with the value. Forward and
+    # reverse mode, nested to any depth, cost one product with the slopes, and never differentiate the loops
+    # that solve for the orbit.
     values = (*p.numbers, *y0)
-    is_plain = all(isinstance(x, float) for x in values)
-    if not is_plain:
+    if not all(isinstance(x, float) for x in values):
         if any(np.size(x) != 1 for x in values):
             raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
         values = tuple(checks.plain("p", x, single=True) for x in values)
-    answer, slopes = model.__class__.solve_steady(model, values)  # pyright: ignore[reportArgumentType]
+    solve = partial(model.__class__.solve_steady, model)
+    x, traced = primal(values), [i for i, x in enumerate(values) if not checks.is_concrete(x)]
+    if not traced:
+        answer, _ = solve(x, False)
+    elif isinstance(x, np.ndarray):
+        # JAX differentiates with respect to known numbers.
+        answer = _joined(values, *solve(x, True))
+    else:
+        answer = _traced(values, traced, solve)
     # The object is built from its leaves, because its fields are annotated as JAX arrays, and known numbers
     # are NumPy numbers.
-    return jax.tree.unflatten(_structure(), answer if is_plain else _joined(values, answer, slopes))
+    return jax.tree.unflatten(_structure(), answer)
+
+
+def _traced(values: tuple, traced: list[int], solve: Callable[..., Any]) -> SteadyNumbers:
+    """Return the answer in a JAX program, of which only the values with the indices `traced` are inputs."""
+
+    def with_inputs(inputs: tuple) -> tuple:
+        by_index = dict(zip(traced, inputs, strict=True))
+        return tuple(by_index.get(i, x) for i, x in enumerate(values))
+
+    @jax.custom_jvp
+    def settled(*inputs: Any) -> SteadyNumbers:
+        answer, _ = solve(primal(with_inputs(inputs)), False)
+        return answer
+
+    @settled.defjvp
+    def _(inputs: tuple, directions: tuple) -> tuple[SteadyNumbers, SteadyNumbers]:
+        answer, slopes = solve(primal(with_inputs(inputs)), True)
+        return jax.jvp(lambda *x: _joined(with_inputs(x), answer, slopes), inputs, directions)
+
+    return settled(*(jnp.asarray(values[i], dtype=jnp.float64) for i in traced))
 
 
 def _joined(values: tuple, answer: SteadyNumbers, slopes: Any) -> SteadyNumbers:

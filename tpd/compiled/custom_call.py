@@ -54,7 +54,7 @@ SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 - `rtol`: relative tolerance of a step.
 - `lyapunov_periods`: number of periods over which the separation of neighbouring runs is measured.
 - `impacts`: number of impacts for which there is memory.
-- `slopes`: number of directions that have derivatives.
+- `slopes`: number of directions that have derivatives. A steady state has all of them or none.
 - `pieces`: number of pieces of the forcing.
 - `record`: row of the first piece, or -1 if every run has pieces of its own.
 - `free`: duration of the free motion (tau).

@@ -23,7 +23,7 @@ from tpd.compiled.arcs import (
     state_at,
 )
 from tpd.compiled.columns import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
-from tpd.compiled.contact_kernel import hold_margin, rates_after_impact
+from tpd.compiled.contact_kernel import hold_margin, jump, moment, rates_after_impact, ratio
 from tpd.compiled.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
 from tpd.compiled.motion import WHOLE, angle_of, copy_to, larger_side
 from tpd.compiled.plant import COMPLEX_PLANT, STEP, compiled, part
@@ -136,6 +136,47 @@ def _unit_load(q, j, s):
 
 
 @compiled
+def _free_motion(q, kind, now, y0, y1, y2, y3):
+    """Return the state at an instant of a leg under a harmonic, if it starts from (y0, y1, y2, y3) and
+    nothing acts on the block and the bob."""
+    if kind != SLIP:
+        still = 0.0 if kind == REST else y0
+        return still, y1 * now.u + y3 * now.v, 0.0, y3 * now.u + (-q.held_q * y1 - q.held_p * y3) * now.v
+    # The same sums as in `tpd.compiled.arcs.launch`, without the forcing.
+    a = q.al0 * y0 + q.al1 * y1 + q.al2 * y2 + q.al3 * y3
+    b = q.bl0 * y0 + q.bl1 * y1 + q.bl2 * y2 + q.bl3 * y3
+    u0, u1 = y0 - a * q.a0 - b * q.b0, y1 - a * q.a1 - b * q.b1
+    v0, v1 = y2 - a * q.a2 - b * q.b2, y3 - a * q.a3 - b * q.b3
+    one, two, u, v = a * now.e1, b * now.e2, now.u, now.v
+    tilt, swing = q.a0 * one + q.b0 * two + u0 * u + v0 * v, q.a1 * one + q.b1 * two + u1 * u + v1 * v
+    rates = q.s1 * one, q.s2 * two
+    tilting = q.a0 * rates[0] + q.b0 * rates[1] + v0 * u + (-q.q * u0 - q.p * v0) * v
+    return tilt, swing, tilting, q.a1 * rates[0] + q.b1 * rates[1] + v1 * u + (-q.q * u1 - q.p * v1) * v
+
+
+@compiled
+def _delay_of_change(q, leg, change, end, by, push, rate):
+    """Return the derivative of the duration of a leg in a direction in which no parameter changes.
+
+    `change` is the derivative of the last state at a fixed time, `end` that state with its accelerations, and
+    `by` the derivative of the start time. `push` and `rate` are the derivative and the slope of the forcing
+    at the end. The cases are those of `_event_delay`.
+    """
+    event = leg.event
+    if event in (END, STOP):
+        return -by
+    if event >= BOB or event == CUT:
+        return 0.0
+    if leg.kind != SLIP:
+        pull = (1.0 - q.up) * end[SWING_RATE] + q.bias * end[SWING_PULL] - q.f * rate
+        value = moment(q, change[TILT], change[SWING], change[SWING_RATE], push)
+        return -value / pull if pull != 0.0 else 0.0
+    if event == FIRST:
+        return -change[TILT_RATE] / end[TILT_PULL] if end[TILT_PULL] != 0.0 else 0.0
+    return -change[TILT] / end[TILT_RATE] if end[TILT_RATE] != 0.0 else 0.0
+
+
+@compiled
 def carry_through_leg(q, r, f, leg, first, last):
     """Carry the derivatives of a reader to the end of a leg, before its event.
 
@@ -146,44 +187,44 @@ def carry_through_leg(q, r, f, leg, first, last):
     arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
     is_forced = not f.harmonic and leg.piece < f.pieces
     start, here = state_at(arc, beginning(arc), 0.0), instant(arc, duration)
-    end, (eta, rate) = state_at(arc, here, duration), forcing_at(e, duration)
-    for j in range(first, last):
-        p, s, t = _plant(r, j), complex(leg.start, r.shift[j] * STEP), complex(duration, 0.0)
-        if j < STATE:
-            moved, of = _launch_along(p, f, leg, r.dy, j, s)
-            a = state_at(moved, instant(moved, t), t)
-            delay = _event_delay(p, f, leg, a, s, *forcing_at(of, t))
-        else:
-            # No parameter changes in this direction. The change of the state evolves as a free motion without
-            # forcing, except for that of a coefficient of the forcing. A change of the start time shifts the
-            # whole arc.
-            d, by = r.dy, r.shift[j]
-            extra = _unit_load(q, j, leg.start) if j >= _COEFFICIENTS and is_forced else free
-            y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
-            y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
-            # The start of the leg moves as well. Convert the change of the state to a fixed start time, let
-            # it evolve along the leg, and convert it back at the end.
-            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, extra), here, duration)
-            a = (
-                complex(end[TILT], (c[TILT] + end[TILT_RATE] * by) * STEP),
-                complex(end[SWING], (c[SWING] + end[SWING_RATE] * by) * STEP),
-                complex(end[TILT_RATE], (c[TILT_RATE] + end[TILT_PULL] * by) * STEP),
-                complex(end[SWING_RATE], (c[SWING_RATE] + end[SWING_PULL] * by) * STEP),
-                complex(end[TILT_PULL], 0.0),
-                complex(end[SWING_PULL], 0.0),
-            )
-            push, _ = forcing_at(extra, duration)
-            delay = _event_delay(p, f, leg, a, s, complex(eta, (rate * by + push) * STEP), complex(rate, 0.0))
+    end, (_, rate) = state_at(arc, here, duration), forcing_at(e, duration)
+    for j in range(first, min(last, STATE)):
+        p, s, t = r.plants[j], complex(leg.start, r.shift[j] * STEP), complex(duration, 0.0)
+        moved, of = _launch_along(p, f, leg, r.dy, j, s)
+        a = state_at(moved, instant(moved, t), t)
+        delay = _event_delay(p, f, leg, a, s, *forcing_at(of, t))
         # The leg ends later by the delay, during which the state moves with its rates.
         for i in range(4):
             r.dy[i, j] = (a[i].imag + a[i + 2].real * delay) / STEP
         r.shift[j] += delay / STEP
+    for j in range(max(first, STATE), last):
+        # No parameter changes in this direction, and real numbers are enough. The change of the state evolves
+        # as a free motion without forcing, except for that of a coefficient of the forcing. A change of the
+        # start time shifts the whole arc. Convert the change of the state to a fixed start time, let it
+        # evolve along the leg, and convert it back at the end.
+        d, by = r.dy, r.shift[j]
+        y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
+        y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
+        push = 0.0
+        if f.harmonic:
+            c0, c1, c2, c3 = _free_motion(q, leg.kind, here, y0, y1, y2, y3)
+        else:
+            extra = _unit_load(q, j, leg.start) if j >= _COEFFICIENTS and is_forced else free
+            arc_of_change = launch(q, leg.kind, none, none, y0, y1, y2, y3, extra)
+            c0, c1, c2, c3, _, _ = state_at(arc_of_change, here, duration)
+            push, _ = forcing_at(extra, duration)
+        c0, c1 = c0 + end[TILT_RATE] * by, c1 + end[SWING_RATE] * by
+        c2, c3 = c2 + end[TILT_PULL] * by, c3 + end[SWING_PULL] * by
+        delay = _delay_of_change(q, leg, (c0, c1, c2, c3), end, by, rate * by + push, rate)
+        d[TILT, j], d[SWING, j] = c0 + end[TILT_RATE] * delay, c1 + end[SWING_RATE] * delay
+        d[TILT_RATE, j], d[SWING_RATE, j] = c2 + end[TILT_PULL] * delay, c3 + end[SWING_PULL] * delay
+        r.shift[j] += delay
     for i in range(6):
         r.now[i] = end[i]
 
 
 @compiled
-def carry_past_event(r, leg, first, last):
+def carry_past_event(q, r, leg, first, last):
     """Carry the derivatives of a reader from the end of a leg past its event, in the same directions."""
     # The local time starts again at zero in the next piece.
     if leg.event == END:
@@ -192,14 +233,20 @@ def carry_past_event(r, leg, first, last):
     # A held block does not move until its release, and a later release leaves the same state.
     if leg.kind != SLIP or (leg.event != FIRST and leg.event != SECOND):
         return
-    for j in range(first, last):
-        if leg.event == FIRST:
+    if leg.event == FIRST:
+        for j in range(first, last):
             # A hop that ends in rest has its turning point on the base.
             r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.ends_at_rest else r.dy[TILT, j]), 0.0
-            continue
+        return
+    block, bob = jump(q, 0.0 if leg.ends_at_rest else ratio(q))
+    for j in range(max(first, STATE), last):
+        rate = r.dy[TILT_RATE, j]
+        r.dy[TILT, j], r.dy[TILT_RATE, j] = 0.0, rate + block * rate
+        r.dy[SWING_RATE, j] += bob * rate
+    for j in range(first, min(last, STATE)):
         y2 = complex(r.now[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
         y3 = complex(r.now[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
-        y2, y3 = rates_after_impact(_plant(r, j), leg.ends_at_rest, y2, y3)
+        y2, y3 = rates_after_impact(r.plants[j], leg.ends_at_rest, y2, y3)
         # At a landing the tilt is zero for all parameters.
         r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP
 
@@ -370,7 +417,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
             carry_through_leg(q, r, f, leg, first, inputs)
         _store_angles(r, f, m, n, leg, first, inputs, by)
         if leg.event != WHOLE:
-            carry_past_event(r, leg, first, inputs)
+            carry_past_event(q, r, leg, first, inputs)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
@@ -442,7 +489,7 @@ def read_forcing(q, f, m, legs, r, out):
         if is_whole:
             _carry_back_through_pieces(r, leg, back, out)
         else:
-            carry_past_event(r, leg, STATE, _ALL)
+            carry_past_event(q, r, leg, STATE, _ALL)
         for row in range(OUTPUTS):
             for j in range(STATE, _ALL):
                 through[row, j] += back[row, _TIME] * r.shift[j]

@@ -51,15 +51,15 @@ _CLOSE = 1e-9
 """Share of a period by which an event may be late, next to an orbit on which it lies within the period."""
 _ROUND_OFF = 1e-14
 """Residual of the map that counts as rounding error."""
-Limits = namedtuple("Limits", "capture events first reach")
+Limits = namedtuple("Limits", "capture events directions reach")
 """Options of the search: `capture`, the largest speed of an impact that may end in rest; `events`, the bound
-on the events of a forcing period; `first`, the first direction that needs derivatives; `reach`, the largest
-residual from which Newton's method continues."""
+on the events of a forcing period; `directions`, the first direction that needs derivatives and the one after
+the last; `reach`, the largest residual from which Newton's method continues."""
 CYCLE = np.dtype(
     [
         ("end", np.float64, (4,)),
         *((name, np.float64) for name in ("amplitude", "swing", "transversality", "asymmetry")),
-        *((name, np.float64) for name in ("closed", "hold_level", "step")),
+        *((name, np.float64) for name in ("closed", "hold_level", "step", "kind", "tilt", "direction")),
         ("peaks", np.float64, (6,)),
         ("ending", np.int64),
         ("by", np.float64, (ROWS, INPUTS)),
@@ -69,7 +69,8 @@ CYCLE = np.dtype(
 """A number of periods of a motion, see `tpd.models.flow.Cycle`: the state `end` (NaN if the motion did not
 arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
 tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
-of Newton's method from its start, in shares of the scales; the largest angles to either side (`peaks`),
+of Newton's method from its start, in shares of the scales; the mode at the start (`kind`, `tilt`,
+`direction`); the largest angles to either side (`peaks`),
 see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
 Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
@@ -166,6 +167,7 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     f = steady(np.empty((0, 4)))
     legs, start, (_, _, w, r) = buffers.legs, buffers.motions[CYCLE_START], records_of(buffers)
     set_motion(m.y, m, start)
+    c.kind, c.tilt, c.direction = m.kind, m.tilt, m.direction
     ended = follow_periods(q, f, m, legs, w, limits, periods)
     # Most motions have a few legs per period. A motion with a rattle is repeated with memory for all of its
     # legs.
@@ -177,7 +179,7 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     sound = ended == ARRIVED
     if sound:
         _include_event_at_end(q, f, m, legs, w, start, limits)
-        read_derivatives(q, f, m, legs, r, (limits.first, INPUTS), NO, c.by)
+        read_derivatives(q, f, m, legs, r, limits.directions, NO, c.by)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)

@@ -28,12 +28,12 @@ from tpd.compiled.columns import (
 )
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
-from tpd.compiled.legs import STATE
+from tpd.compiled.legs import INPUTS, STATE
 from tpd.compiled.march import prepare_march
 from tpd.compiled.motion import FIRST_PIECE, LEG, NO, YES, copy_to, is_finite, largest, reset_counts
 from tpd.compiled.near_orbits import CONVERGED, NEARBY, Past, orbit_near
 from tpd.compiled.period_map import Limits, records_of
-from tpd.compiled.plant import compiled, plant, plant_along
+from tpd.compiled.plant import compiled, plant
 
 _NONE = np.int64(0)
 """Zero periods, as a NumPy scalar."""
@@ -193,12 +193,12 @@ def settle(x, buffers, s, since, ramp, whole, out):
     `ramp` periods. `out` is a record `tpd.compiled.columns.RUN`. Its peaks are those of the whole run
     only if `whole`, because the bob of a block at rest may reach its largest angle later.
     """
-    q, m, w, r = records_of(buffers)
+    q, m, w, _ = records_of(buffers)
     plant(x, q)
     prepare_march(q, w.march)
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
-    limits = Limits(capture, events, STATE, NEARBY)
+    limits = Limits(capture, events, (STATE, INPUTS), NEARBY)
     past, gap, gap_periods = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
     last, peaks = past.periods, past.peaks
     copy_to(y, last[0].y)
@@ -248,7 +248,6 @@ def settle(x, buffers, s, since, ramp, whole, out):
             candidate, gap, gap_periods = _slow_repetition(q, last, count, tolerance, gap, gap_periods)
             if candidate > 0:
                 wait = 2 * elapsed
-                plant_along(x, STATE, r.plants[STATE])
                 if orbit_near(q, m, buffers, past, count, limits, candidate):
                     status, repeats = ROCKING, candidate
                     # A block that sticks at a tilt all the time does not rock.

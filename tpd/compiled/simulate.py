@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from tpd.compiled.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
 from tpd.compiled.columns import RUN, STEADY, TILT_PULL, TILT_RATE, WIDTH, XI
-from tpd.compiled.derivatives import moved, once, primal, refused_in
+from tpd.compiled.derivatives import moved, once, refused_in
 from tpd.compiled.rows import packed
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
@@ -319,20 +319,20 @@ Limits = tuple[tuple[str, float | int], ...]
 """Settings of `solve_steady` as pairs of name and value."""
 
 
-def solve_steady(equations: Terms, values: Sequence[Any], limits: Limits) -> tuple[SteadyNumbers, Any]:
+def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: bool) -> tuple[SteadyNumbers, Any]:
     """Return the steady state of a run under a harmonic, and the slopes of amplitude, swing and state.
 
     Args:
         equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
             the derivatives are NaN.
-        values: parameters and initial state at tau = 0, 13 numbers. If all of them are known, the results are
+        x: parameters and initial state at tau = 0, shape (13,). If `x` is a NumPy array, the results are
             NumPy numbers, and no JAX program runs.
         limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
             the number of periods over which the separation of neighbouring runs is measured. The nonlinear
             equations also need rtol.
+        slopes: whether to compute the slopes, which are NaN otherwise. The numbers are the same.
     """
-    engine, settings = _steady_call(equations, limits)
-    x = primal(values)
+    engine, settings = _steady_call(equations, limits, slopes)
     if isinstance(x, np.ndarray):
         out, xp = np.empty(1, STEADY), np
         engine.entry().run(0, 1, settings, x[:WIDTH], x[WIDTH:], out)
@@ -346,10 +346,10 @@ def solve_steady(equations: Terms, values: Sequence[Any], limits: Limits) -> tup
 
 
 @lru_cache(maxsize=8)
-def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray]:
+def _steady_call(equations: Terms, limits: Limits, slopes: bool) -> tuple[Compiled, np.ndarray]:
     """Return the compiled code and a row of settings for a steady state."""
     engine = ENGINES[equations]
-    return engine, np.array(engine.settings("STEADY_STATE", **dict(limits)))
+    return engine, np.array(engine.settings("STEADY_STATE", slopes=float(slopes), **dict(limits)))
 
 
 def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:

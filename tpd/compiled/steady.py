@@ -38,7 +38,7 @@ from tpd.compiled.columns import (
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.follow import BEYOND, EXHAUSTED
 from tpd.compiled.half_map_kernel import is_neutral
-from tpd.compiled.legs import ANGLES, STATE
+from tpd.compiled.legs import ANGLES, INPUTS, STATE
 from tpd.compiled.march import prepare_march
 from tpd.compiled.motion import FIRST_PIECE, NO, copy_to, is_finite, larger_side
 from tpd.compiled.period_map import (
@@ -58,8 +58,8 @@ from tpd.compiled.period_map import (
 from tpd.compiled.plant import compiled, fill_plants, places, plant
 from tpd.compiled.settle import settle
 
-_RESIDUAL = np.int64(WIDTH)
-"""Column of the residual of the orbit's map, after those of the parameters."""
+_RESIDUAL = np.int64(0)
+"""Column of the residual of the orbit's map, before those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
 """First rows of the derivatives of a steady state. The rows of the state follow."""
 _ONE = np.int64(1)
@@ -114,31 +114,34 @@ verdict = compiled(verdict_with(_select))
 
 
 @compiled
-def _store_isolated(c, y, out):
-    """Write the sizes of an isolated orbit after one more Newton step, and all derivatives, into `out`."""
+def _store_isolated(c, y, count, out):
+    """Write the sizes of an isolated orbit after one more Newton step into `out`.
+
+    The derivatives in the first `count` parameters follow.
+    """
     # From y*(p) = P(y*(p), p) follows dy*/dp = (I - DP)^-1 dP/dp, however long the transient was. Amplitude
     # and swing are functions of (y*, p) along the period. The residual is one more right-hand side, which
     # gives the last Newton step at no cost. I - DP is singular at a fold, where the caller does not use the
     # derivatives.
-    right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
+    right, sizes = np.empty((4, count + 1)), np.empty((2, count + 1))
     for i in range(4):
         right[i, _RESIDUAL] = c.end[i] - y[i]
-        for j in range(WIDTH):
-            right[i, j] = c.by[i, j]
+        for j in range(count):
+            right[i, j + 1] = c.by[i, j]
     regular = solve_linearised(c.by, right)
     # The largest angles: direct derivatives, and those through the orbit's state.
     for k in range(2):
         row = ANGLES + larger_side(c, k)
-        for j in range(_RESIDUAL + 1):
-            sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.swing)
+        for j in range(count + 1):
+            sizes[k, j] = c.by[row, j - 1] if j > 0 else (c.amplitude if k == 0 else c.swing)
             for i in range(4):
                 sizes[k, j] += c.by[row, STATE + i] * right[i, j]
             if not regular:
                 sizes[k, j] = math.nan
     out.amplitude, out.swing = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
-        for j in range(WIDTH):
-            out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
+        for j in range(count):
+            out.by[k, j] = sizes[k, j + 1] if k < 2 else right[k - 2, j + 1]
 
 
 @compiled
@@ -197,10 +200,9 @@ def steady_state(x, y0, s, near, buffers, out):
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
     c.amplitude, c.swing = settled.settled_tilt, settled.settled_swing
     c.transversality = c.asymmetry = math.inf
-    limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
+    limits = Limits(s.rest_rate * q.nu, int(s.events), (STATE, INPUTS), math.inf)
     # A run that has overturned or failed has no orbit.
     if outcome in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
-        fill_plants(x, r.plants)
         c.by[:] = math.nan
         if outcome == NOT_SETTLED:
             separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov_periods), y)
@@ -240,7 +242,17 @@ def steady_state(x, y0, s, near, buffers, out):
     # Only an isolated orbit has derivatives.
     isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
-        _store_isolated(c, y, out)
+        count = WIDTH if s.slopes != 0.0 else 0
+        if count > 0:
+            # Newton's method needs no derivatives in the parameters. Follow the orbit once more for them.
+            fill_plants(x, r.plants)
+            set_motion(y, c, m)
+            limits = Limits(limits.capture, limits.events, (FIRST_PIECE, STATE), math.inf)
+            follow_cycle(q, m, buffers, limits, periods, buffers.cycles[LATEST])
+            for i in range(ANGLES + 6):
+                for j in range(WIDTH):
+                    c.by[i, j] = buffers.cycles[LATEST].by[i, j]
+        _store_isolated(c, y, count, out)
     elif marginal or singular or status == APERIODIC_STATUS:
         # I - DP may be singular. The sizes are those of the orbit without a further Newton step, or the
         # largest ones of a run that did not repeat.

@@ -76,7 +76,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
                     legs[count - 1].event = STOP
                 for k in range(count):
                     carry_through_leg(q, r, f, legs[k], _NONE, _INPUTS)
-                    carry_past_event(r, legs[k], _NONE, _INPUTS)
+                    carry_past_event(q, r, legs[k], _NONE, _INPUTS)
             if ended != ARRIVED:
                 status = OVERTURNED if ended == BEYOND else EVENT_BOUND
             t, whole = (end, whole) if arrived else (0.0, whole + 1)

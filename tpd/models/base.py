@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -55,10 +55,11 @@ class AbstractModel(eqx.Module):
         """Follow the motion from the state `y0` at tau = 0 until it repeats."""
 
     @abstractmethod
-    def solve_steady(self, values: Sequence[Any]) -> tuple[SteadyNumbers, Any]:
+    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
         """Return the steady state and the slopes (6, 9) of amplitude, swing and state.
 
-        `values` are the nine parameters and the four numbers of the initial state.
+        `x` has the nine parameters and the four numbers of the initial state. The slopes count only if
+        `slopes`.
         """
 
     @abstractmethod
@@ -105,9 +106,9 @@ class AbstractCompiled(AbstractModel):
         settings = {**self.accuracy, "tolerance": self.tolerance}
         return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
 
-    def solve_steady(self, values: Sequence[Any]) -> tuple[SteadyNumbers, Any]:
+    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
         """Return the steady state and the slopes (6, 9) of amplitude, swing and state."""
-        return solve_steady(self.equations, values, self.limits)
+        return solve_steady(self.equations, x, self.limits, slopes)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

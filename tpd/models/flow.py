@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -22,7 +21,6 @@ from tpd.compiled.columns import (
     is_neutral,
     verdict_with,
 )
-from tpd.compiled.derivatives import primal
 from tpd.compiled.simulate import Run, SteadyNumbers
 from tpd.models.base import AbstractModel
 from tpd.models.period_map import Orbit, implicit, is_rocking, multipliers, refine
@@ -81,9 +79,10 @@ class AbstractFlow(AbstractModel):
         del p, y0
         return None
 
-    def solve_steady(self, values: Sequence[Any]) -> tuple[SteadyNumbers, Any]:
+    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
         """Return the steady state and the slopes (6, 9) of amplitude, swing and state."""
-        x = primal(values)
+        # Both are one JAX program, and Newton's method needs most of the derivatives in any case.
+        del slopes
         return _solve_steady(x[:WIDTH], self, x[WIDTH:])
 
     @abstractmethod
