@@ -100,12 +100,9 @@ def test_a_seed_on_the_command_line_is_that_of_optimise(run_with, tmp_path, more
     assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
-@pytest.mark.parametrize(
-    ("design", "status"),
-    [(rejected(), 3), (replace(rejected(), status=DesignStatus.no_uplift), 0)],
-)
-def test_the_exit_status_depends_on_the_verdict(run_with, design, status):
-    assert run_with(design)[0].status == status
+def test_the_exit_status_depends_on_the_verdict(run_with):
+    assert run_with(rejected())[0].status == 3
+    assert run_with(replace(rejected(), status=DesignStatus.no_uplift), "--overwrite")[0].status == 0
 
 
 def test_quiet_json_and_verbose(run_with):
