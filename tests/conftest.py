@@ -27,14 +27,13 @@ os.environ["EQX_ON_ERROR"] = "nan"
 
 type_checks.install()
 
-# After the hook, which checks what is imported from then on.
-# Those of `in_chunks`, for all programs here: most of the tests' time goes into compiling.
-batch = import_module("tpd.core.batch")
-# XLA ends the process at a flag that it does not know: JAX 0.11.2 has dropped the flag of the emitters.
-KNOWN = batch.OPTIONS if jax.__version_info__ < (0, 11, 2) else batch.OPTIONS[:1]
-OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in KNOWN)
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
+# Most of the tests' time goes into compiling. XLA ends the process at a flag that it does not know, and JAX
+# 0.11.2 has dropped the flag of the emitters.
+FLAGS = "--xla_backend_optimization_level=0", "--xla_cpu_use_fusion_emitters=false"
+KNOWN = FLAGS if jax.__version_info__ < (0, 11, 2) else FLAGS[:1]
+os.environ["XLA_FLAGS"] = " ".join((os.environ.get("XLA_FLAGS", ""), *KNOWN))
 
+# After the hook, which checks what is imported from then on.
 compiling = import_module("tpd.compiled.compiling")
 # The hook parses what is imported, and Python 3.11 cannot parse in two threads at once. A thread of the
 # package loads compiled code: everything else is imported before.
