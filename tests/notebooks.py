@@ -46,7 +46,7 @@ def make_small() -> None:
             method = replace(method or tpd.GroundSearch(), designs=8, steps=2)
         else:
             # The smoothed descent compiles for half a minute: it has its own tests.
-            small = {"model": tpd.Piecewise(), "searches": 4, "screening": 64, "steps": 4, "finish": 1}
+            small = {"model": tpd.Piecewise(), "searches": 2, "screening": 32, "steps": 3, "finish": 1}
             method = replace(method or tpd.Descent(), **small)
             ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
         return at_full(*args, method=method, ensemble=ensemble, conditions=conditions, **others)
@@ -54,7 +54,7 @@ def make_small() -> None:
     tpd.optimise = optimise
     tpd.front = lambda design, lighter: front_of(design, lighter[:1])
     tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
-    import_module("tpd.design.harmonic").HarmonicProblem.rounds = (4, 6)
+    import_module("tpd.design.harmonic").HarmonicProblem.rounds = (3, 4)
     for module, sizes in SMALL.items():
         home = import_module(module)
         for name, size in sizes.items():
