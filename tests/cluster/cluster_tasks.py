@@ -8,7 +8,7 @@ import numpy as np
 
 from tpd.cluster.cluster import Cluster
 
-STEP = 0.1
+STEP = 0.05
 """Seconds of a chunk."""
 
 
