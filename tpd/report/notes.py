@@ -39,7 +39,7 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
     if design.sliding.startswith(SLIDES):
         all_notes.append(danger(design.sliding))
     all_notes += [*_runs(design), *_responses(details), *_earthquakes(design)]
-    if design.pendulum is not None and (cases := design.exact_motions):
+    if design.pendulum and len(cases := design.exact_motions) == 2:
         _, exact = cases
         all_notes += [*_from_rest(design, *cases), *_settled(exact), *_orbits(design, *cases)]
         if limit_of(design.problem.limits, Clearance) is None:
