@@ -167,8 +167,9 @@ def launch(q, kind, tilt, direction, y0, y1, y2, y3, e):
             bf = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
         (tv, ts), (bv, bs) = _initial_answer(tf, e), _initial_answer(bf, e)
         tilt_now, tilt_rate, bob_now, bob_rate = balance + tv, ts + zero, bv + zero, bs + zero
-        t0, t1, t2, t3, t4 = balance + zero, tf[0] + zero, tf[1] + zero, tf[2] + zero, tf[3] + zero
-        b0, b1, b2, b3, b4 = zero, bf[0] + zero, bf[1] + zero, bf[2] + zero, bf[3] + zero
+        (t1, t2, t3, t4), (b1, b2, b3, b4) = tf, bf
+        t0, t1, t2, t3, t4 = balance + zero, t1 + zero, t2 + zero, t3 + zero, t4 + zero
+        b0, b1, b2, b3, b4 = zero, b1 + zero, b2 + zero, b3 + zero, b4 + zero
     else:
         # Taylor polynomials: the equations give the accelerations, and their time derivative gives the slopes
         # of these.

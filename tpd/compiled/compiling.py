@@ -104,11 +104,11 @@ def load(module: str) -> None:
 
     Messages of that process, for example about damaged code in the cache, are repeated as warnings.
     """
-    if running := _running.get(module):
-        running[0].wait()
+    process, messages = _running.get(module, (None, None))
+    if process:
+        process.wait()
     # If several threads wait, only one of them repeats the messages.
-    if running and _running.pop(module, None):
-        messages = running[1]
+    if messages and _running.pop(module, None):
         messages.seek(0)
         for line in messages.read().decode(errors="replace").splitlines():
             warnings.warn(line, stacklevel=2)

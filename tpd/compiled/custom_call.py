@@ -157,6 +157,28 @@ def rows_of(address, a, api):
     return 0, _buffers(frame, a), False
 
 
+def entered(run: Any, module: str) -> Any:
+    """Return the compiled function that computes the rows of a frame by the function `run(a, first, last)`.
+
+    It returns 0 to XLA, which takes this for success, and `version` to Python.
+    """
+
+    def enter(address, version):
+        """Compute the rows that a frame describes."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, API_VERSION)
+        # There is only one call of `run`: Numba would compile all functions below it again for each other
+        # kind of argument.
+        if last > first:
+            run(a, first, last)
+        return version if by_host else 0
+
+    # Numba names machine code after the function. Code of several modules is loaded from the cache into one
+    # process, where two functions of the same name would be taken for one.
+    enter.__qualname__ = f"{module}.enter"
+    return compiled(enter)
+
+
 def _address_of(buffer: Any) -> int:
     """Return the address of an array, which must be contiguous and have 64-bit floats or records of them.
 

@@ -112,7 +112,8 @@ def allow_events(m, w, events):
 @compiled
 def forcing_now(q, f, s):
     """Return eta at the local time `s` of the first piece."""
-    return forcing_at(load_at(q, f, FIRST_PIECE, s), 0.0)[0]
+    eta, _ = forcing_at(load_at(q, f, FIRST_PIECE, s), 0.0)
+    return eta
 
 
 @compiled
@@ -283,7 +284,8 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
             s += at
             m.events += 1
             continue
-        pass_event(q, m, legs, event, rules.capture, usual, now, forcing_at(e, at)[0], tau)
+        eta, _ = forcing_at(e, at)
+        pass_event(q, m, legs, event, rules.capture, usual, now, eta, tau)
         s += at
         # Only a free motion may end early, because a forcing supplies energy.
         if is_free_motion and rules.brief and _cannot_tilt_further(q, m):

@@ -26,7 +26,7 @@ from tpd.compiled.columns import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RAT
 from tpd.compiled.contact_kernel import hold_margin, jump, moment, rates_after_impact, ratio
 from tpd.compiled.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
 from tpd.compiled.motion import WHOLE, angle_of, copy_to, larger_side
-from tpd.compiled.plant import COMPLEX_PLANT, STEP, compiled, part
+from tpd.compiled.plant import COMPLEX_PLANT, STEP, compiled, part, places
 
 _KINDS = float(SLIP), float(STICK)
 """Modes of the maps of whole pieces, for the slipping and for the held block. A block that sticks and one at
@@ -47,6 +47,8 @@ _COEFFICIENTS, _ALL = np.int64(14), np.int64(18)
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 """Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
 the tilt), and the number of columns."""
+_BY_ONE, _BY_TIME, _BY_SQUARE, _BY_CUBE = places(8, 4)
+"""Columns of the map of a piece for the coefficients of its forcing, after those of the state."""
 _WHEN, _RATE = 0, 1
 """Columns of the table of impacts: time, and rate after the impact."""
 _ROUNDING = 1e-12
@@ -149,9 +151,9 @@ def _free_motion(q, kind, now, y0, y1, y2, y3):
     v0, v1 = y2 - a * q.a2 - b * q.b2, y3 - a * q.a3 - b * q.b3
     one, two, u, v = a * now.e1, b * now.e2, now.u, now.v
     tilt, swing = q.a0 * one + q.b0 * two + u0 * u + v0 * v, q.a1 * one + q.b1 * two + u1 * u + v1 * v
-    rates = q.s1 * one, q.s2 * two
-    tilting = q.a0 * rates[0] + q.b0 * rates[1] + v0 * u + (-q.q * u0 - q.p * v0) * v
-    return tilt, swing, tilting, q.a1 * rates[0] + q.b1 * rates[1] + v1 * u + (-q.q * u1 - q.p * v1) * v
+    one, two = q.s1 * one, q.s2 * two
+    tilting = q.a0 * one + q.b0 * two + v0 * u + (-q.q * u0 - q.p * v0) * v
+    return tilt, swing, tilting, q.a1 * one + q.b1 * two + v1 * u + (-q.q * u1 - q.p * v1) * v
 
 
 @compiled
@@ -268,9 +270,10 @@ def _store_maps(r, is_held, inputs):
             # piece.
             for i in range(8):
                 u[i] = zero if i != k else one
-            e = Load(zero, zero, u[4], u[5] / h, u[6] / (h * h), u[7] / (h * h * h))
+            cubic = u[_BY_SQUARE] / (h * h), u[_BY_CUBE] / (h * h * h)
+            e = Load(zero, zero, u[_BY_ONE], u[_BY_TIME] / h, *cubic)
             # Both signs are zero, which switches weight and friction off.
-            arc = launch(q, kind, zero, zero, u[0], u[1], u[2], u[3], e)
+            arc = launch(q, kind, zero, zero, u[TILT], u[SWING], u[TILT_RATE], u[SWING_RATE], e)
             end = state_at(arc, instant(arc, h), h)
             for i in range(4):
                 r.maps[is_held, i, k], r.slopes[is_held, i, k, j] = end[i].real, end[i].imag / STEP
@@ -307,7 +310,7 @@ def _carry_through_pieces(q, r, c, leg, inputs):
             for j in range(inputs):
                 old[k, j] = dy[k, j]
         # Measure the tilt from the centre, and change back after the map.
-        x[0] -= centre
+        x[TILT] -= centre
         for j in range(inputs):
             old[TILT, j] -= moved[j]
         for i in range(4):
@@ -548,7 +551,8 @@ def store_states(q, f, legs, count, times, out):
                 a = state_at(arc, instant(arc, t), t)
                 for i in range(6):
                     out[at, i] = a[i]
-                out[at, FORCING], out[at, KIND], out[at, SIDE] = q.f * forcing_at(e, t)[0], leg.kind, leg.tilt
+                eta, _ = forcing_at(e, t)
+                out[at, FORCING], out[at, KIND], out[at, SIDE] = q.f * eta, leg.kind, leg.tilt
                 at += 1
             if is_whole:
                 a = state_at(arc, instant(arc, h), h)

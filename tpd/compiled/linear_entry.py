@@ -12,15 +12,14 @@ from tpd.compiled.arcs import Load, arc_from, beginning, state_at
 from tpd.compiled.columns import RUN, STEADY, SWING_PULL, TILT_PULL
 from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import (
-    API_VERSION,
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
+    entered,
     inputs_of,
     on_host,
     pieces,
-    rows_of,
     view,
 )
 from tpd.compiled.custom_call import FIELDS as FIELDS
@@ -184,18 +183,15 @@ def _run(a, first, last):
     return len(buffers.motions)
 
 
+_enter = entered(_run, __name__)
+
+
 def _entrance(version: int) -> Any:
     """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
-        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
-        a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, API_VERSION)
-        # There is only one call of `_run`: Numba would compile all functions below it again for each other
-        # kind of argument.
-        if last > first:
-            _run(a, first, last)
-        return version if by_host else 0
+        """Compute the rows that a frame describes."""
+        return _enter(address, version)
 
     # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
     # the values of variables from outside the function are part of the key, so that `version` makes the cache

@@ -116,5 +116,6 @@ def orbit_near(q, m, buffers, past, count, limits, periods):
         return False
     for n in range(periods):
         past.periods[n].tilt, past.periods[n].swing = c.amplitude, c.swing
+    c.periods, c.residual = periods, residual
     copy_to(y, m.y)
     return True

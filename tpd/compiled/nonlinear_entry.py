@@ -43,15 +43,14 @@ from tpd.compiled.columns import (
 from tpd.compiled.compiling import checksum
 from tpd.compiled.contact_kernel import bob_change, mode_of, sign, velocity_ratio
 from tpd.compiled.custom_call import (
-    API_VERSION,
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
+    entered,
     inputs_of,
     on_host,
     pieces,
-    rows_of,
     view,
 )
 from tpd.compiled.follow import ARRIVED, BEYOND, EXHAUSTED, forcing_now, store_results
@@ -70,7 +69,7 @@ from tpd.compiled.motion import (
     update_angles,
 )
 from tpd.compiled.period_map import set_motion
-from tpd.compiled.plant import PLANT, compiled, part
+from tpd.compiled.plant import PLANT, compiled
 from tpd.compiled.repetition import LONGEST, NEWEST
 from tpd.compiled.trajectory import ROUNDING
 from tpd.core.machine_code import stored
@@ -231,7 +230,8 @@ def advance(q, f, m, w, i, s, end):
             return BEYOND
         if event != _NONE:
             m.events -= 1
-            _handle_event(q, m, event, h == 0.0, w.capture, forcing_at(load_at(q, f, i, s), 0.0)[0])
+            eta, _ = forcing_at(load_at(q, f, i, s), 0.0)
+            _handle_event(q, m, event, h == 0.0, w.capture, eta)
             m.hold_level = 1.0 if m.hold_level > 0.0 or m.kind != SLIP else 0.0
             if m.kind == SLIP:
                 m.uplift_time = min(m.uplift_time, origin + s)
@@ -494,7 +494,7 @@ def _follow_once(q, f, m, w, s):
     return STOOD if m.uplift_time == math.inf else ROCKED
 
 
-@part
+@compiled
 def _run(a, first, last):
     """Compute rows of a task. Each row has its settings, parameters and initial state.
 
@@ -526,16 +526,15 @@ def _run(a, first, last):
     return len(plants) + len(motions) + len(works) + len(spare)
 
 
+_enter = entered(_run, __name__)
+
+
 def _entrance(version: int) -> Any:
     """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
-        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
-        a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, API_VERSION)
-        if last > first:
-            _run(a, first, last)
-        return version if by_host else 0
+        """Compute the rows that a frame describes."""
+        return _enter(address, version)
 
     # The values of variables from outside the function are part of the key of Numba's cache, see
     # `linear_entry`.

@@ -9,9 +9,9 @@ import numpy as np
 
 from tpd.compiled.columns import WIDTH
 from tpd.compiled.compiling import checksum
-from tpd.compiled.custom_call import API_VERSION, addresses_in, on_host, rows_of, view
+from tpd.compiled.custom_call import addresses_in, entered, on_host, view
 from tpd.compiled.motion import FIRST_PIECE
-from tpd.compiled.plant import part
+from tpd.compiled.plant import compiled
 from tpd.compiled.symmetric_orbit_kernel import (
     MOVED,
     NUMBERS,
@@ -34,7 +34,7 @@ SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begi
 compute."""
 
 
-@part
+@compiled
 def _run(a, first, last):
     """Compute rows of a task. Each row has its settings and its parameters.
 
@@ -68,16 +68,15 @@ def _run(a, first, last):
     return len(works)
 
 
+_enter = entered(_run, __name__)
+
+
 def _entrance(version: int) -> Any:
     """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
-        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
-        a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, API_VERSION)
-        if last > first:
-            _run(a, first, last)
-        return version if by_host else 0
+        """Compute the rows that a frame describes."""
+        return _enter(address, version)
 
     # The values of variables from outside the function are part of the key of Numba's cache, see
     # `linear_entry`.

@@ -49,8 +49,8 @@ from tpd.compiled.plant import PLANT, compiled, part
 
 _CLOSE = 1e-9
 """Share of a period by which an event may be late, next to an orbit on which it lies within the period."""
-_ROUND_OFF = 1e-14
-"""Residual of the map that counts as rounding error."""
+_ROUND_OFF = 1e-13
+"""Residual of the map from which the last Newton step leads to an orbit that is exact to rounding."""
 Limits = namedtuple("Limits", "capture events directions reach")
 """Options of the search: `capture`, the largest speed of an impact that may end in rest; `events`, the bound
 on the events of a forcing period; `directions`, the first direction that needs derivatives and the one after
@@ -59,7 +59,8 @@ CYCLE = np.dtype(
     [
         ("end", np.float64, (4,)),
         *((name, np.float64) for name in ("amplitude", "swing", "transversality", "asymmetry")),
-        *((name, np.float64) for name in ("closed", "hold_level", "step", "kind", "tilt", "direction")),
+        *((name, np.float64) for name in ("closed", "hold_level", "step", "periods", "residual")),
+        *((name, np.float64) for name in ("kind", "tilt", "direction")),
         ("peaks", np.float64, (6,)),
         ("ending", np.int64),
         ("by", np.float64, (ROWS, INPUTS)),
@@ -69,9 +70,9 @@ CYCLE = np.dtype(
 """A number of periods of a motion, see `tpd.models.flow.Cycle`: the state `end` (NaN if the motion did not
 arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
 tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
-of Newton's method from its start, in shares of the scales; the mode at the start (`kind`, `tilt`,
-`direction`); the largest angles to either side (`peaks`),
-see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
+of Newton's method from its start, in shares of the scales; the `periods` and the `residual` of an orbit to
+which a run was moved; the mode at the start (`kind`, `tilt`, `direction`); the largest angles to either side
+(`peaks`), see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
 Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
 """Arrays of records: one plant; three motions (the one that is simulated, an approaching one, and the start
@@ -81,6 +82,8 @@ BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
 SIMULATED, APPROACHING, CYCLE_START = range(3)
 """Indices of the motions: the simulated one, one that approaches an orbit, and the start of a cycle."""
+_RIGHT, _LEFT = range(2)
+"""Indices of the largest tilts to either side in `peaks`."""
 ONLY = np.int64(0)
 """Column of the only right-hand side of a Newton step."""
 
@@ -184,10 +187,10 @@ def follow_cycle(q, m, buffers, limits, periods, c):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)
     c.amplitude, c.swing, c.transversality = largest(m, TILT), largest(m, SWING), m.transversality
-    apart = abs(max(m.peaks[0], 0.0) - max(m.peaks[1], 0.0))
+    apart = abs(max(m.peaks[_RIGHT], 0.0) - max(m.peaks[_LEFT], 0.0))
     c.asymmetry = apart / (c.amplitude if c.amplitude > 0.0 else 1.0)
     c.closed = 1.0 if _is_same_mode(m, start) else 0.0
-    c.hold_level, c.step, c.ending = m.hold_level, 0.0, ended
+    c.hold_level, c.step, c.periods, c.ending = m.hold_level, 0.0, 0.0, ended
     # Without an end the record still holds the derivatives of the cycle before.
     if not sound:
         c.by[:] = math.nan

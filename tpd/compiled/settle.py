@@ -32,7 +32,7 @@ from tpd.compiled.legs import INPUTS, STATE
 from tpd.compiled.march import prepare_march
 from tpd.compiled.motion import FIRST_PIECE, LEG, NO, YES, copy_to, is_finite, largest, reset_counts
 from tpd.compiled.near_orbits import CONVERGED, NEARBY, Past, orbit_near
-from tpd.compiled.period_map import Limits, records_of
+from tpd.compiled.period_map import BEST, Limits, records_of
 from tpd.compiled.plant import compiled, plant
 
 _NONE = np.int64(0)
@@ -203,6 +203,7 @@ def settle(x, buffers, s, since, ramp, whole, out):
     last, peaks = past.periods, past.peaks
     copy_to(y, last[0].y)
     reset_counts(m)
+    buffers.cycles[BEST].periods = 0.0
     f, ramp_end = repetition.excitation_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])

@@ -198,16 +198,19 @@ def steady_state(x, y0, s, near, buffers, out):
     outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
     copy_to(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
-    c.amplitude, c.swing = settled.settled_tilt, settled.settled_swing
-    c.transversality = c.asymmetry = math.inf
+    # If the run was moved to its orbit, the best cycle is that orbit.
+    moved = not near and outcome in (ROCKING, STICKING) and c.periods == periods
+    if not moved:
+        c.amplitude, c.swing = settled.settled_tilt, settled.settled_swing
+        c.transversality = c.asymmetry = math.inf
+        c.by[:] = math.nan
     limits = Limits(s.rest_rate * q.nu, int(s.events), (STATE, INPUTS), math.inf)
     # A run that has overturned or failed has no orbit.
     if outcome in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
-        c.by[:] = math.nan
         if outcome == NOT_SETTLED:
             separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov_periods), y)
         else:
-            residual = find_orbit(q, m, buffers, limits, periods, y)
+            residual = c.residual if moved else find_orbit(q, m, buffers, limits, periods, y)
             # A motion that approaches its orbit alternately from both sides first repeats after two periods.
             # If the orbit closes after fewer periods, it gets that smaller number.
             other, begin = buffers.cycles[LATEST], buffers.motions[APPROACHING]
