@@ -56,15 +56,15 @@ def pytest_configure(config):
 
 TESTS = Path(__file__).parent
 LONGEST = (
-    "design/test_optimise",
-    "answers/test_symmetric_orbits",
     "test_notebooks",
-    "answers/test_bifurcations",
-    "answers/test_periodic_orbit",
-    "answers/test_steady_state",
-    "models/test_piecewise",
+    "cluster/test_cluster",
+    "design/test_optimise",
+    "browser/test_page",
+    "models/test_smoothed",
     "cli/test_optimise",
-    "compiled/test_linear",
+    "models/test_period_map",
+    "answers/test_transient",
+    "answers/test_critical_scale",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 
