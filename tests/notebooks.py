@@ -54,7 +54,7 @@ def make_small() -> None:
     tpd.optimise = optimise
     tpd.front = lambda design, lighter: front_of(design, lighter[:1])
     tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
-    import_module("tpd.design.harmonic").HarmonicProblem.rounds = (3, 4)
+    import_module("tpd.design.harmonic").HarmonicProblem.further = 12
     for module, sizes in SMALL.items():
         home = import_module(module)
         for name, size in sizes.items():

@@ -98,10 +98,10 @@ def run(quick: bool) -> list[dict[str, Any]]:
     note(ENSEMBLE, many, timed(lambda: tpd.outcomes(scene, ensemble=tpd.Ensemble(size=many, seed=SEED))))
     for name, (scene, pendulum, ramps) in scenes_of_runs().items():
         ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, ramps=ramps)
-        runs = plan(parameters_of(scene, pendulum), ensemble, float(scene.rate))
-        forcing = HarmonicForcing(50, begin=runs.begin, ramp=runs.periods)
+        p, y0, begin, ramp, _ = plan(parameters_of(scene, pendulum), ensemble, float(scene.rate))
+        forcing = HarmonicForcing(50, begin=begin, ramp=ramp)
         for equations in tpd.Terms.linear, tpd.Terms.nonlinear:
-            work = partial(follow, equations, row_of(runs.p), forcing, y0=runs.y0, workers=1)
+            work = partial(follow, equations, row_of(p), forcing, y0=y0, workers=1)
             what = PERIOD.format(equations=equations.value, scene=name)
             note(what, int(work().elapsed.sum()), timed(work, 3))
     return rows

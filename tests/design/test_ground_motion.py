@@ -89,7 +89,7 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     assert made.conditions.motions == tuned.motions
     assert made.scene.excitation is tuned.motions[0]
     assert (made.attempts, made.has_validation_runs, made.allowed) == (2, False, 0.1)
-    assert made.rounds == (32, 1)
+    assert made.further == 32
     again = GroundMotionProblem.of(
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
     )

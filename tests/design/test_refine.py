@@ -1,6 +1,7 @@
 """Refinement: the minimum of noisy runs under a limit, which no single trial shows."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from tpd.core.progress import unreported
 from tpd.design.optimise import solve_problem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.refine import Refinement, apart, refine
+from tpd.design.refine import Refinement, refine
 
 
 def refined(problem: Problem, progress=unreported) -> Refinement:
@@ -19,73 +20,117 @@ def refined(problem: Problem, progress=unreported) -> Refinement:
 
 
 @pytest.fixture(scope="module")
-def found():
+def refinement():
     return refined(NoisyProblem.of())
 
 
-def test_the_trend_leads_to_the_minimum_within_the_limit(found):
+def test_the_trend_leads_to_the_minimum_within_the_limit(refinement):
     """The limit on the stroke cuts mu off below a half of its range; the minimum there is at (.5, .5, .4)."""
-    trials, problem = found.trials(), found.problem
+    trials, problem = refinement.trials(), refinement.problem
     best = SPACE.scaled(trials.designs[0])
     assert trials.feasible[0]
-    # A share of 1 % of the runs may exceed the limit, and the deviation of a run is 2 %.
+    # A share of 0.5 % of the runs may exceed the limit, and the deviation of a run is 2 %.
     assert 0.40 < best[0] < 0.5
     np.testing.assert_allclose(best[1:], [0.5, 0.4], atol=0.12)
-    least = 0.2 + 0.5 * (best[0] - 0.6) ** 2
-    assert problem.tilt(trials.designs[0]) < least + 0.01
-    # The trial of the least mean tilt is the most favourable by chance, and is a worse design.
-    lucky = np.argmin(np.where(trials.feasible, trials.value, np.inf))
-    assert trials.value[lucky] < trials.trend[0]
-    assert problem.tilt(trials.designs[0]) <= problem.tilt(trials.designs[lucky])
-    assert abs(trials.trend[0] - problem.tilt(trials.designs[0])) < 0.015
+    assert problem.tilt(trials.designs[0]) < 0.2 + 0.5 * (best[0] - 0.6) ** 2 + 0.01
+    # The common noise shifts all trends alike: differences of designs are more accurate than the trends.
+    shift = trials.trend[0] - problem.tilt(trials.designs[0])
+    assert abs(shift) < 0.04
+    errors = trials.trend - [problem.tilt(x) for x in trials.designs] - shift
+    assert np.sqrt(np.mean(errors[:20] ** 2)) < 0.01
 
 
 def test_without_the_limit_the_minimum_is_that_of_all_designs():
-    problem = NoisyProblem.of(limits=())
-    trials = refined(problem).trials()
+    trials = refined(NoisyProblem.of(limits=())).trials()
     np.testing.assert_allclose(SPACE.scaled(trials.designs[0]), [0.6, 0.5, 0.4], atol=0.12)
     assert (trials.names, trials.sizes.shape) == ((), (len(trials.designs), 0))
 
 
-def test_trials_are_a_table_the_best_first(found):
-    trials = found.trials()
+def test_trials_are_a_table_the_best_first(refinement):
+    trials = refinement.trials()
     m = len(trials.designs)
-    assert m == 24 + 4 * 8 == found.total
+    assert m == 24 + 32 == refinement.total
     assert trials.names == ("stroke",)
     assert trials.sizes.shape == (m, 1)
     assert np.all(np.diff(trials.feasible.astype(int)) <= 0)
     assert np.all(np.diff(trials.trend[trials.feasible]) >= 0.0)
     assert trials.without_pendulum == pytest.approx(0.6, abs=0.05)
     np.testing.assert_array_equal(trials.undecided, 0)
-    # The size over the limit is exceeded in the allowed share of the runs.
+    # The size over the limit is exceeded in half of the allowed share of the runs.
     largest = 0.5 * np.exp(SPACE.scaled(trials.designs)[:, 0] - 0.5) / 0.5
-    np.testing.assert_allclose(trials.sizes[:, 0], largest * np.exp(0.02 * 2.51), rtol=0.03)
+    np.testing.assert_allclose(trials.sizes[:, 0], largest * np.exp(0.02 * 2.6), rtol=0.03)
     i = trials.best_without("stroke")
     assert trials.trend[i] == trials.trend.min()
     assert trials.best_without() is None or trials.sizes[trials.best_without(), 0] <= 1.0
 
 
-def test_every_trial_has_its_own_runs():
+def test_all_trials_have_the_same_runs_and_comparisons_have_others():
     problem, counts = NoisyProblem.of(), []
     here = refined(problem, lambda *count: counts.append(count))
-    seeds = [seed for _, seed in problem.asked]
-    assert len(set(seeds)) == len(seeds) == 1 + len(here.runs)
+    assert len(problem.asked) == 1 + len(here.runs)
+    assert len(trial := set(problem.asked)) == 1
     assert counts == [("trial runs", i, here.total) for i in range(1, here.total + 1)]
     again = refined(NoisyProblem.of())
     np.testing.assert_array_equal(again.designs, here.designs)
+    assert here.best([]) is not None
+    (comparison,) = {(kind, seed) for kind, seed in problem.asked if kind == "nonlinear trial"}
+    assert {seed for _, seed in trial}.isdisjoint({comparison[1]})
     other = NoisyProblem.of(ensemble=tpd.Ensemble(size=64, seed=1))
     refined(other)
-    assert not set(seeds) & {seed for _, seed in other.asked}
+    assert trial.isdisjoint(other.asked)
+
+
+def test_a_wider_space_ends_at_the_same_design(refinement):
+    """The stroke and the tilt are those of the same shares of the narrow space."""
+
+    class Wide(NoisyProblem):
+        def candidates(self, progress):
+            return self.space.sample(np.random.default_rng(self.seed), 48), None
+
+    ends = np.clip(SPACE.ends * [[0.5], [2.0]], 0.0, 1.9).T.tolist()
+    names = "mass_ratio", "length_ratio", "damping_ratio"
+    space: Any = tpd.DesignSpace(**dict(zip(names, map(tuple, ends), strict=True)))
+    problem = Wide(**(NoisyProblem.of().inputs | {"space": space}))
+    best = refined(problem).best([])
+    assert problem.tilt(best) < problem.tilt(refinement.best([])) + 0.01
+    assert SPACE.scaled(best)[0] < 0.5
+
+
+class Longer(NoisyProblem):
+    """The nonlinear equations have a longer swing than the linear ones."""
+
+    def runs(self, design, seed, equations="linear"):
+        runs = super().runs(design, seed, equations)
+        more = 1.1 if equations == "nonlinear" else 1.0
+        return dataclasses.replace(runs, settled_swing=more * runs.settled_swing, swing=more * runs.swing)
+
+
+def test_comparisons_correct_the_trend_of_a_limit():
+    here = refined(Longer(**NoisyProblem.of().inputs))
+    first = SPACE.scaled(here.trials().designs[0])[0]
+    best = SPACE.scaled(here.best([]))
+    # The swing is proportional to the exponential of the share of mu.
+    assert first - best[0] == pytest.approx(np.log(1.1), abs=0.04)
+    np.testing.assert_allclose(best[1:], [0.5, 0.4], atol=0.15)
+    assert 0.42 < 1.1 * 0.5 * np.exp(best[0] - 0.5) < 0.5
+
+
+def test_a_rejected_design_moves_the_next_one_inside_the_limit():
+    here = refined(NoisyProblem.of())
+    first = here.best([])
+    here.learn(first, outcomes([0.3] * 64, 0.55, design=first))
+    second = here.best([first])
+    assert SPACE.scaled(first)[0] - SPACE.scaled(second)[0] == pytest.approx(np.log(1.1), abs=0.04)
 
 
 def test_runs_without_an_answer_are_counted_and_change_no_estimate():
     problem = NoisyProblem.of(unanswered=0.2)
     trials = refined(problem).trials()
     assert 0.15 < trials.undecided.mean() / 64 < 0.25
-    assert abs(trials.trend[0] - problem.tilt(trials.designs[0])) < 0.02
+    assert abs(trials.trend[0] - problem.tilt(trials.designs[0])) < 0.04
     none = NoisyProblem.of(unanswered=1.1)
     here = refined(none)
-    assert here.process is None
+    assert here.risk is None
     trials = here.trials()
     assert np.all(np.isnan(trials.value))
     np.testing.assert_array_equal(trials.undecided, 64)
@@ -93,16 +138,18 @@ def test_runs_without_an_answer_are_counted_and_change_no_estimate():
     assert trials.best_without() is None
 
 
-def test_a_design_without_a_known_run_comes_last(found):
-    problem = NoisyProblem.of()
-    here = Refinement(problem, unreported, 9)
-    designs = SPACE.unscaled(np.random.default_rng(0).random((8, 3)) * [0.4, 1.0, 1.0])
-    here.evaluate(designs)
-    best = designs[here.order()[0]] + [0.0, 0.0, 1e-3]
-    here.add(best, outcomes([np.nan] * 64, design=best))
-    here.fit()
-    assert here.order()[-1] == 8
-    assert len(here.process.seen.value) == 8
+def test_a_design_without_a_known_run_comes_last():
+    class Silent(NoisyProblem):
+        def runs(self, design, seed, equations="linear"):
+            last = design is not None and SPACE.scaled(np.asarray(design))[2] > 0.99
+            return outcomes([np.nan] * 64, design=design) if last else super().runs(design, seed, equations)
+
+    here = Refinement(Silent(**NoisyProblem.of().inputs), unreported, 9)
+    shares = np.random.default_rng(0).random((9, 3)) * [0.4, 1.0, 0.9]
+    shares[4, 2] = 1.0
+    here.evaluate(SPACE.unscaled(shares))
+    assert here.order()[-1] == 4
+    assert len(here.risk.values) == 8
 
 
 def test_proposed_designs_keep_to_the_limits_that_need_no_run():
@@ -111,50 +158,41 @@ def test_proposed_designs_keep_to_the_limits_that_need_no_run():
     problem = NoisyProblem.of(limits=(tpd.limits.Mass(mass),))
     here = Refinement(problem, unreported, 60)
     here.evaluate(problem.candidates(unreported)[0])
-    for last in (False, True):
-        designs = here.next(0, 8, last)
+    for distance in (0.05, 0.02):
+        designs = here.next(8, distance)
         assert 0 < len(designs) <= 8
         assert here.problem.possible(designs).all()
-        units = SPACE.scaled(designs)
-        apart_by = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(len(units))
-        assert apart_by.min() > 0.02
+        at = SPACE.logarithms(designs)
+        assert (np.linalg.norm(at[:, None] - at, axis=-1) + np.eye(len(at))).min() > distance
     assert not here.problem.possible(SPACE.unscaled(np.array([[0.9, 0.5, 0.4]])))[0]
-    # Without a process designs are drawn from the space.
-    assert Refinement(problem, unreported, 60).next(0, 8, False).shape == (8, 3)
+    # Without a trend designs are drawn from the space.
+    assert Refinement(problem, unreported, 60).next(8, 0.05).shape == (8, 3)
 
 
 def test_where_fewer_blocks_rest_than_without_a_pendulum_designs_give_way():
-    """Of 60 % of the runs that rest without a pendulum a light bob keeps all, and a heavy one none."""
+    """Of 60 % of the runs that rest without a pendulum a light bob keeps all, and a heavy one few."""
 
     class Resting(NoisyProblem):
         def runs(self, design, seed, equations="linear"):
-            share = 0.6 if design is None else 0.6 * (SPACE.scaled(np.asarray(design))[0] < 0.3)
+            share = 0.6 if design is None else 0.6 - 0.5 * SPACE.scaled(np.asarray(design))[0]
             tilt = 0.3 + 0.05 * np.random.default_rng(seed).random(64)
             return outcomes(np.where(np.arange(64) < 64 * share, 0.0, tilt))
 
     given = NoisyProblem.of(limits=()).inputs
-    here = Refinement(Resting(**given), unreported, 40)
-    here.evaluate(here.problem.candidates(unreported)[0])
-    light, heavy = (SPACE.scaled(SPACE.unscaled(np.array([[x, 0.5, 0.5]]))) for x in (0.1, 0.9))
-    assert here.keeps(light)[0] > 0.5 > here.keeps(heavy)[0]
+    here = refined(Resting(**given))
+    light, heavy = here.excess(SPACE.unscaled(np.array([[0.05, 0.5, 0.5], [0.9, 0.5, 0.5]])))
+    assert light < 0.0 < heavy
     assert SPACE.scaled(here.designs[here.order()[0]])[0] < 0.3
 
 
-def test_equivalent_designs_surround_the_best_and_keep_to_the_limit(found):
-    best = found.trials().designs[0]
-    low, high = SPACE.scaled(found.equivalent(best))
+def test_equivalent_designs_surround_the_best_and_keep_to_the_limit(refinement):
+    best = refinement.trials().designs[0]
+    low, high = SPACE.scaled(refinement.equivalent(best))
     assert np.all(low <= SPACE.scaled(best))
     assert np.all(SPACE.scaled(best) <= high)
     assert high[0] < 0.5
     assert np.all(high - low < 0.7)
-    assert found.problem.tilt(SPACE.unscaled((low + high) / 2)) < 0.25
-
-
-def test_neighbours_of_designs_are_left_out():
-    problem = NoisyProblem.of()
-    designs = SPACE.unscaled(np.array([[0.5, 0.5, 0.5], [0.51, 0.5, 0.5], [0.7, 0.5, 0.5]]))
-    np.testing.assert_array_equal(apart(problem, designs, [designs[0]]), designs[2:])
-    np.testing.assert_array_equal(apart(problem, designs, []), designs)
+    assert refinement.problem.tilt(SPACE.unscaled((low + high) / 2)) < 0.25
 
 
 @pytest.mark.parametrize("count", [6, 12])
@@ -182,7 +220,7 @@ def test_a_limit_that_no_run_can_show_is_not_kept():
     assert np.isnan(trials.sizes).all()
     assert not trials.feasible.any()
     assert trials.best_without() is None
-    assert here.keeps(SPACE.scaled(trials.designs[:1]))[0] == 0.0
+    assert here.excess(trials.designs[:1])[0] == np.inf
     found = solve_problem(here.problem)
     assert (found.status, found.validated) == (DesignStatus.none_feasible, ())
     (refusal,) = found.refusals

@@ -145,7 +145,8 @@ def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
     assert v.over_limit == pytest.approx(0.05)
     for reason in v.reasons:
         assert (reason.limit, reason.value) == ("stroke", pytest.approx(0.05))
-    assert v.is_harmful is bool(kind)
+    # A share just above the allowed one is no danger.
+    assert v.is_harmful is (allowed is None)
 
 
 def test_wall_contacts_in_the_transient_count():

@@ -8,8 +8,8 @@ from matplotlib.colors import to_hex
 
 import tpd
 from tests.plots.shown import legend, lines, words
-from tpd.design.gaussian_process import Observations, fit
 from tpd.design.reasons import DesignStatus
+from tpd.design.trend import fit
 from tpd.plots.style import LABELS, ORANGE
 from tpd.scene.conditions import Conditions
 
@@ -32,14 +32,15 @@ def changed(design, tilt, size, count=60):
     """A design whose trials have tilts and a stroke over its limit that are functions of the design."""
     u = np.random.default_rng(1).random((count, len(design.space.names)))
     x = design.space.unscaled(u)
+    at = design.space.logarithms(x)
     trials = dataclasses.replace(
         design.trials,
         designs=x,
         names=("stroke",),
         sizes=size(x)[:, None],
-        limits={"stroke": fit(Observations(u, np.log(size(x))))},
+        limits={"stroke": fit(at, np.log(size(x)))},
         undecided=np.arange(count) % 2,
-        process=fit(Observations(u, tilt(x))),
+        risk=fit(at, tilt(x)),
     )
     problem = dataclasses.replace(design.problem, limits=(tpd.limits.Stroke(0.5),))
     return dataclasses.replace(design, problem=problem, trials=trials)
@@ -54,8 +55,9 @@ def test_edges_are_those_of_the_limits(single):
 def test_the_field_is_grey_where_the_trials_do_not_determine_the_trend(single):
     assert "trend not known" not in legend(tpd.plot(changed(single, lambda x: x[:, 0], lambda x: x[:, 1])))
     # The tilt of light bobs varies fast, which says nothing about heavy ones.
-    u = np.random.default_rng(2).random((60, 2)) * [0.4, 1.0]
-    trials = dataclasses.replace(single.trials, process=fit(Observations(u, np.sin(25.0 * u[:, 0]))))
+    x = single.space.unscaled(np.random.default_rng(2).random((60, 2)) * [0.4, 1.0])
+    tilt = fit(single.space.logarithms(x), np.sin(900.0 * x[:, 0]))
+    trials = dataclasses.replace(single.trials, risk=tilt)
     assert "trend not known" in legend(tpd.plot(dataclasses.replace(single, trials=trials)))
 
 
@@ -106,10 +108,10 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
     problem = dataclasses.replace(single.problem, space=tpd.DesignSpace(**space))
     u = np.random.default_rng(1).random((40, len(axes)))
     x = problem.space.unscaled(u)
-    tilt = 0.2 + x[:, axes[0]]
-    given = {"designs": x, "value": tilt, "process": fit(Observations(u, tilt)), "names": ("stroke",)}
+    at, tilt = problem.space.logarithms(x), 0.2 + x[:, axes[0]]
+    given = {"designs": x, "value": tilt, "risk": fit(at, tilt), "names": ("stroke",)}
     given |= {"sizes": np.exp(u[:, :1] - 0.5), "undecided": np.zeros(40, int)}
-    given |= {"limits": {"stroke": fit(Observations(u, u[:, 0] - 0.5))}}
+    given |= {"limits": {"stroke": fit(at, u[:, 0] - 0.5)}}
     trials = dataclasses.replace(single.trials, **given)
     best = dataclasses.replace(single.validated[-1], design=x[0])
     problem = dataclasses.replace(problem, limits=(tpd.limits.Stroke(0.5),))
@@ -125,17 +127,18 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
         assert "exceeds a limit" in legend(ax)
 
 
-def test_the_edge_of_a_limit_is_where_the_process_that_decides_is_zero(single):
+def test_the_edge_of_a_limit_is_where_the_trend_that_decides_is_zero(single):
     u = np.random.default_rng(1).random((60, len(single.space.names)))
-    deciding = fit(Observations(u, u[:, 1] - 0.7))
+    x = single.space.unscaled(u)
+    at = single.space.logarithms(x)
+    deciding = fit(at, x[:, 1] - 0.7)
     # The sizes of the trials alone would have their edge at another length.
     sizes = np.exp(u[:, 1:2] - 0.2)
-    given = {"designs": single.space.unscaled(u), "names": ("stroke",), "sizes": sizes}
+    given = {"designs": x, "names": ("stroke",), "sizes": sizes}
     given |= {"limits": {"stroke": deciding}, "undecided": np.zeros(60, int)}
     problem = dataclasses.replace(single.problem, limits=())
-    trials = dataclasses.replace(single.trials, **given, process=fit(Observations(u, u[:, 0])))
+    trials = dataclasses.replace(single.trials, **given, risk=fit(at, u[:, 0]))
     ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials))
     edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
     points = np.concatenate([path.vertices for path in edge.get_paths()])
-    low, high = single.space.length_ratio
-    np.testing.assert_allclose((points[:, 1] - low) / (high - low), 0.7, atol=0.03)
+    np.testing.assert_allclose(points[:, 1], 0.7, atol=0.05)

@@ -50,9 +50,9 @@ of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt 
 decide. With 80 earthquakes it is 94 and 100 % (`tests.benchmarks.quoted`)."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
-_TRIAL_RUNS = 64
-"""Smallest number of runs of a trial. With fewer conditions each has several runs, with other samples of the
-quantities that vary."""
+_TRIAL_RUNS, _MORE_RUNS = 64, 128
+"""Smallest numbers of runs of a trial and of a comparison. With fewer conditions each has several runs, with
+other samples of the quantities that vary."""
 _EVENTS = 20_000
 """Largest number of events of a trial run, in addition to one for each piece of the motion. This is
 sufficient also for a bob that swings for a long time."""
@@ -186,9 +186,9 @@ class GroundMotionProblem(Problem):
         return super().tables | {"excitation": motion, "ensemble": ensemble}
 
     @property
-    def rounds(self) -> tuple[int, int]:  # type: ignore[override]
-        """See `Problem.rounds`: every round has one design."""
-        return self.method.steps, 1
+    def further(self) -> int:  # type: ignore[override]
+        """See `Problem.further`."""
+        return self.method.steps
 
     @property
     def scatter(self) -> dict[str, float]:
@@ -246,13 +246,14 @@ class GroundMotionProblem(Problem):
         rng = np.random.default_rng([self.seed, 7])
         return self.space.sample(rng, self.method.designs), None
 
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
+    def trial_runs(self, design: np.ndarray | None, seed: int, equations: str = Terms.linear.value) -> Runs:
         """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
-        repeats = -(-_TRIAL_RUNS // len(self.conditions)) if self.scatter else 1
+        least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
+        repeats = -(-least // len(self.conditions)) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
-        return self._simulate(design, self.scene, some, Terms.linear.value)
+        return self._simulate(design, self.scene, some, equations)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""

@@ -42,19 +42,16 @@ from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
 
-TRIAL_RUNS, TRIAL_PERIODS = 128, 50
-"""Number of runs of a trial, and largest number of forcing periods of each run."""
-_WITHOUT = 8
-"""Factor on the number of runs without a pendulum, since every design is compared with their mean tilt."""
+TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 192, 2048, 50
+"""Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
 _COMPARED = 256
 """Number of paired runs of the linear equations for comparisons with changed scenes."""
 _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCHED = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
-_PATHS, _SPREAD, _DRAWN = 16, 48, 1024
-"""Number of candidates from the paths of the descents, number of candidates from the whole space, and number
-of designs that are drawn to select the latter."""
+_SPREAD, _DRAWN = 48, 1024
+"""Number of candidates from the whole space, and number of designs that are drawn to select them."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _SMOOTH = 0.2
@@ -109,7 +106,7 @@ class HarmonicProblem(Problem):
     has_earthquakes: ClassVar[bool] = False
     begin_of_runs: ClassVar[str] = "Validation runs with random initial states and"
     attempts: ClassVar[int] = 3
-    rounds: ClassVar[tuple[int, int]] = 6, 8
+    further: ClassVar[int] = 32
 
     @staticmethod
     def of(
@@ -282,8 +279,8 @@ class HarmonicProblem(Problem):
         return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
-        """See `Problem.candidates`. The candidates are the confirmed ends of the descents, designs on their
-        paths, and designs spread over the space."""
+        """See `Problem.candidates`. The candidates are the confirmed ends of the descents, and designs spread
+        over the space."""
         few = replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
         if isinstance(self.model, Smoothed):
             prepare_step(few, self.model)
@@ -298,7 +295,7 @@ class HarmonicProblem(Problem):
         # Designs that exceed a limit even at rest come last. Some of them remain, because they show the
         # effect of the limit.
         spread = drawn[np.argsort(~self.possible(drawn), kind="stable")[:_SPREAD]]
-        return np.concatenate([result.confirmed, result.passed[:_PATHS], spread]), result
+        return np.concatenate([result.confirmed, spread]), result
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""
@@ -317,15 +314,18 @@ class HarmonicProblem(Problem):
         """Return the mean, which is what the benefit compares. Only the descents use the risk measure."""
         return float(severity.mean())
 
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
+    def trial_runs(self, design: np.ndarray | None, seed: int, equations: str = Terms.linear.value) -> Runs:
         """See `Problem.trial_runs`."""
-        # The reference without a pendulum is computed once, so that it may have more runs.
-        size = min(TRIAL_RUNS, self.ensemble.size) * (_WITHOUT if design is None else 1)
-        # If there are more conditions than runs, every trial uses other conditions.
+        # If there are more conditions than runs, other conditions are used with another seed.
         order = np.random.default_rng([seed, 13]).permutation(len(self.conditions))
         some = Conditions({name: x[order] for name, x in self.conditions.factors.items()})
+        ensemble = self._short(min(TRIAL_RUNS, self.ensemble.size), seed)
+        if equations == Terms.nonlinear.value:
+            # As long as in the validation: in a longer run the bob swings further.
+            ensemble = replace(self.ensemble, size=min(_MORE_RUNS, self.ensemble.size), seed=seed)
         pendulum = None if design is None else self.pendulum(design)
-        return outcomes(self.scene, pendulum, ensemble=self._short(size, seed), conditions=some)
+        settings: dict[str, Any] = {"equations": equations, "rtol": _RTOL}
+        return outcomes(self.scene, pendulum, ensemble=ensemble, conditions=some, **settings)
 
     def _short(self, size: int, seed: int) -> Ensemble:
         """Return an ensemble of few runs over few periods, for comparisons by the linear equations."""

@@ -29,7 +29,7 @@ from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.refine import apart, refine
+from tpd.design.refine import refine
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
@@ -39,8 +39,6 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_SURER = 0.6
-"""Factor on the accepted probability that the next design breaks a limit, after a design was rejected."""
 _PROMISING = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
@@ -71,11 +69,11 @@ def optimise(
 
     The search smooths signs and impacts. Diffrax integrates the equations (25), optax descends on the
     gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
-    equations then compare these designs with others, and a Gaussian process proposes further designs. The
-    best design is validated by paired runs of the nonlinear equations. The runs must show the benefit that
-    `requirements` states, and no harm. At most three designs are validated, each by new runs. Under
-    ground motions the same earthquakes validate every design, so that there are at most two designs, and the
-    second one is validated only if limits are the only reason against the first.
+    equations then compare these designs with others, and a smoothing spline proposes further designs. Runs of
+    the nonlinear equations choose among the best of them, and paired runs validate the choice. They must show
+    the benefit that `requirements` states, and no harm. At most three designs are validated, each by new
+    runs. Under ground motions the same earthquakes validate every design. There are then at most two
+    designs, and the second one is validated only if limits are the only reason against the first.
 
     Args:
         scene: block and base motion in SI units. Under ground motions a block alone is sufficient.
@@ -150,30 +148,21 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     refinement = refine(problem, candidates, progress)
     status, validated = DesignStatus.none_feasible, list[Validated]()
     for attempt in range(problem.attempts):
-        trials = refinement.trials()
         # A design next to a rejected one would most likely be rejected as well.
-        pool = apart(problem, trials.designs[trials.feasible], [v.design for v in validated])
-        if not len(pool):
+        design = refinement.best([v.design for v in validated])
+        if design is None:
             break
-        if validated and refinement.process is not None:
-            trend = float(refinement.process.at(problem.space.scaled(pool[:1]))[0][0])
-            # Stop when even the trend of the best remaining design promises too little.
-            if trend > (1.0 - _PROMISING * problem.requirements.at_least) * refinement.without:
-                break
         confirmed = sum(v.quoted is not None for v in validated)
-        result = validate(problem, pool[0], attempt, confirmed, progress=progress)
+        result = validate(problem, design, attempt, confirmed, progress=progress)
         validated.append(result)
         status = result.status
-        if not result.reasons:
+        if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
             break
-        if not {reason.kind for reason in result.reasons} <= problem.retries:
+        # Stop when even the trend of the best remaining design promises too little.
+        if not refinement.promises(1.0 - _PROMISING * problem.requirements.at_least):
             break
         if result.decided is not None:
-            # The validation runs are more accurate than the trial of this design, and also inform the trend
-            # about similar designs. The next design must keep its limits with a higher probability.
-            refinement.add(result.design, result.decided.with_pendulum)
-            refinement.likely = 1.0 - _SURER * (1.0 - refinement.likely)
-            refinement.fit()
+            refinement.learn(result.design, result.decided.with_pendulum)
     best = validated[-1].design if validated and not validated[-1].reasons else None
     return Design(
         problem=problem,

@@ -163,11 +163,8 @@ class Orbits:
         """Return merits, tightened constraints and their derivatives along the searched shares of the
         bounds."""
         # In shares of the bounds a step has the same length along every coordinate.
-        low, high = self.space.bounds
-        limit, limit_slope = self.constraints(e)
-        merit_slope, limit_slope = (
-            np.take(slope, self.space.searched, -1) * (high - low) for slope in (e.merit_slope, limit_slope)
-        )
+        limit, by_ratio = self.constraints(e)
+        merit_slope, limit_slope = (self.space.slopes(e.design, x) for x in (e.merit_slope, by_ratio))
         return Linearisation(e.merit, merit_slope, limit + BACK_OFF, limit_slope)
 
     def at(self, unit: np.ndarray) -> Linearisation:

@@ -105,8 +105,8 @@ class Problem(ABC):
     """Largest number of designs that are validated."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
     """Reasons against a design after which another design is validated."""
-    rounds: ClassVar[tuple[int, int]]
-    """Number of rounds of further trials after the candidates, and number of designs per round."""
+    further: ClassVar[int]
+    """Number of further designs that are evaluated by trial runs after the candidates."""
     evidence: ClassVar[DesignStatus] = DesignStatus.recommended
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
     has_validation_runs: ClassVar[bool] = True
@@ -353,9 +353,11 @@ class Problem(ABC):
         """
 
     @abstractmethod
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
-        """Simulate inexpensive runs of a design by the linear equations; None for the design means no
-        pendulum."""
+    def trial_runs(self, design: np.ndarray | None, seed: int, equations: str = Terms.linear.value) -> Runs:
+        """Simulate inexpensive runs of a design; None for the design means no pendulum.
+
+        With the nonlinear equations, which compare the best designs, the runs are more.
+        """
 
     @abstractmethod
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:

@@ -82,6 +82,10 @@ CERTAIN = 0.5
 """Share of the required reduction that the lower end of the 95 % interval of the reduction must exceed."""
 
 
+_FAR = 2.0
+"""Ratio of the runs beyond a limit to the allowed ones from which an excess is a danger."""
+
+
 class ReasonKind(enum.Enum):
     """Reason why a pendulum is not recommended. The value is a sentence with places for the fields of
     `Reason`."""
@@ -159,6 +163,14 @@ class Reason:
                 return 1.0
 
     @property
+    def is_danger(self) -> bool:
+        """Whether the block overturns more often or slides, or the bob touches a wall far too often."""
+        # A share just above the allowed one may be chance: other runs of this design may keep the limit.
+        far = not self.value <= _FAR * self.reference
+        always = self.kind in (ReasonKind.overturns_more, ReasonKind.slides)
+        return always or (self.kind is ReasonKind.touches_wall and far)
+
+    @property
     def _numbers(self) -> dict[str, str]:
         """Numbers of the sentence, with the digits that show on which side of the limit each of them is."""
         kinds = ReasonKind.touches_wall, ReasonKind.worse_condition, ReasonKind.too_little_benefit
@@ -194,13 +206,9 @@ class Reason:
         )
 
 
-GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall, ReasonKind.slides)
-"""Reasons that are dangers: the block overturns or slides, or the bob touches a wall."""
-
-
 def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:
     """Return the first reason of each kind and limit. Reasons that are dangers come first."""
     kinds: dict[tuple[ReasonKind, str], Reason] = {}
     for reason in reasons:
         kinds.setdefault((reason.kind, reason.limit), reason)
-    return sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)
+    return sorted(kinds.values(), key=lambda reason: not reason.is_danger)

@@ -1,56 +1,55 @@
-"""Refinement: evaluate designs by trial runs, and estimate trends over the designs with Gaussian processes.
+"""Refinement: evaluate designs by trial runs, follow their trend to the best design, and compare the best.
 
-The mean tilt of one design over a hundred runs is uncertain by several percentage points. The design with the
-smallest mean would therefore be the one with the most favourable runs. Here every design has runs of its own,
-and a process through the means of all designs averages their errors. The process selects the designs to
-evaluate next, and the best design.
+All designs have the same trial runs (common random numbers; B. L. Nelson and F. J. Matejcik, Management
+Science 41, 1995). The difference of two designs is then three times as accurate as with separate runs. A
+smoothing spline through all trials averages the fine structure that is left, separately for the risk and for
+each limited quantity (see `tpd.design.trend`). The next designs are those of smallest trend within the
+limits, at a distance from all earlier ones (R. G. Regis and C. A. Shoemaker, INFORMS J. Computing 19, 2007;
+for expensive limits R. G. Regis, Comput. Oper. Res. 38, 2011).
 
-The swing of the bob varies little from run to run. For each limited quantity a process is fitted to a
-quantile, extrapolated with a tail that is common to all designs near the limit. This process identifies
-designs that exceed the limit too often, although each design alone has too few runs to show it. A limit whose
-quantile is unknown does not count as kept.
+Trial runs are few, and of the linear equations. The best designs are therefore compared by more runs of the
+nonlinear equations, which neither the trials nor the validation use. They also show by how much the trends of
+the limited quantities are wrong, and the next designs allow for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tpd.answers.paired import FEWER
 from tpd.answers.run_table import Runs
 from tpd.core.progress import Progress
-from tpd.design.gaussian_process import (
-    GaussianProcess,
-    Observations,
-    fit,
-    improvement,
-    probability_below_zero,
-    proposals,
-)
 from tpd.design.problem import Problem
-from tpd.design.space import first_apart
+from tpd.design.trend import Trend, fit, least_values
 from tpd.limits import STILL
+from tpd.theory.equations import Terms
 
-_APART = 0.02
-"""Smallest distance between designs that are proposed or validated, in shares of the space."""
-_BULK, _SHARED = ((0.9, 20), (0.5, 4)), 16
-"""Quantile levels of a limited quantity that are computed for each design alone, each with the number of
-standing runs that it requires; and the number of designs near the limit whose tails are combined."""
+_BATCH = 8
+"""Number of designs of a round: the trends are fitted again after each round."""
+_APART = 0.05, 0.02
+"""Smallest distances of a new design from all others, as relative changes: usually, and at the end."""
+_ANYWHERE, _NEAR, _BEST = 1500, 1500, 12
+"""Numbers of proposed designs anywhere in the space and near the best designs, and number of these."""
+_WIDTHS = 0.02, 0.5
+"""Smallest and largest relative change of a proposal near a good design."""
+_CHECKED, _MOST_CHECKED = 32, 320
+"""Number of proposals whose limits without runs are computed together, and largest number of a round."""
+_FEW, _COMPARISONS = (1, 2), 4
+"""Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
+number of comparisons."""
 _SAFE = 0.6
 """Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
 runs."""
-_FIRST, _LATER = 150, 30
-"""Steps of the fit of a process in the first round, and in later rounds."""
-_LIKELY = 0.5
-"""Smallest probability of keeping all limits for a design that counts as feasible."""
+_LEAST_RUNS = 4
+"""Smallest number of standing runs that determine a limited quantity."""
 _RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
 """Name of the limit on the decrease of the runs at rest, and share of runs at rest without a pendulum below
 which they are not compared."""
 _SIZES = 1e-6, 1e3
 """Smallest and largest limited quantity over its limit. A run whose quantity is unknown has the largest."""
-_WEIGHED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +61,7 @@ class Trials:
     value: np.ndarray
     """Risk of the severities, (m,); NaN if no run has a result."""
     trend: np.ndarray
-    """Risk as the Gaussian process estimates it, (m,)."""
+    """Risk as the trend over all designs estimates it, (m,)."""
     names: tuple[str, ...]
     """Names of the limited quantities."""
     sizes: np.ndarray
@@ -73,14 +72,13 @@ class Trials:
     undecided: np.ndarray
     """Number of runs without a result, (m,). All other columns leave these runs out."""
     feasible: np.ndarray
-    """Whether the design is likely to keep all limits, (m,)."""
+    """Whether the design keeps all limits according to their trends, (m,)."""
     without_pendulum: float
     """Risk without a pendulum."""
-    process: GaussianProcess | None
-    """Process through the risks, in shares of the space; None if too few runs have a result."""
-    limits: dict[str, GaussianProcess] = field(default_factory=dict)
-    """Processes of the limited quantities that decide which designs are feasible, by name, in shares of the
-    space: negative where the limit is kept. A quantity that is far below its limit has none."""
+    risk: Trend | None
+    """Trend of the risk over the logarithms of the design; None if too few runs have a result."""
+    limits: dict[str, Trend] = field(default_factory=dict)
+    """Trends of the logarithms of the limited quantities over their limits, by name."""
 
     def best_without(self, *limits: str) -> int | None:
         """Return the index of the design of smallest trend that keeps all limits except those named, or
@@ -90,9 +88,21 @@ class Trials:
         return int(np.argmin(np.where(keeps, self.trend, np.inf))) if keeps.any() else None
 
 
+@dataclass(frozen=True)
+class Compared:
+    """Design that was compared by runs of the nonlinear equations."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    value: float
+    """Risk of the severities."""
+    sizes: dict[str, float]
+    """Logarithms of the limited quantities over their limits, by name."""
+
+
 @dataclass
 class Refinement:
-    """Trials of a problem so far, with the processes that are fitted to them."""
+    """Trials of a problem so far, with the trends through them."""
 
     problem: Problem
     progress: Progress
@@ -102,23 +112,34 @@ class Refinement:
     """Designs (mu, lam, zeta) of the trials, each (3,)."""
     runs: list[Runs] = field(default_factory=list)
     """Runs of each trial."""
-    process: GaussianProcess | None = None
-    """Process through the risks of the trials."""
-    limits: dict[str, GaussianProcess] = field(default_factory=dict)
-    """Process of each limited quantity, by name: negative where the limit is kept."""
-    likely: float = _LIKELY
-    """Smallest probability of keeping all limits for a design that counts as feasible."""
+    sizes: list[dict[str, float]] = field(default_factory=list)
+    """Logarithms of the limited quantities of each trial over their limits, by name."""
+    fixed: dict[str, np.ndarray] = field(default_factory=dict)
+    """Limited quantities of the trials that need no run, over their limits, by name, (m,)."""
+    compared: list[Compared] = field(default_factory=list)
+    """Designs that were compared by runs of the nonlinear equations."""
+    risk: Trend | None = None
+    """Trend of the risk."""
+    limits: dict[str, Trend] = field(default_factory=dict)
+    """Trend of each limited quantity, by name: negative where the limit is kept."""
+    margin: dict[str, float] = field(default_factory=dict)
+    """Amount by which the logarithm of a limited quantity must stay below zero, by name, after the validation
+    has shown that a design exceeds the limit."""
 
     def __post_init__(self) -> None:
+        self._seed, self._turn = self.problem.run_seed(1, 0), 0
         # The runs without a pendulum are the reference of every trial.
-        runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
-        self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
-        self._unknown = False
+        runs = self.problem.trial_runs(None, self._seed)
+        self.without, self._rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
+
+    def at(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
+        """Return designs (m, 3) in the coordinates of the trends, (m, d)."""
+        return self.problem.space.logarithms(np.asarray(designs))
 
     @property
-    def at(self) -> np.ndarray:
-        """Designs of the trials in shares of the space, (m, d)."""
-        return self.problem.space.scaled(np.array(self.designs))
+    def possible(self) -> np.ndarray:
+        """Whether each trial keeps the limits that need no run, (m,)."""
+        return np.all([np.ones(len(self.designs)), *(x <= 1.0 for x in self.fixed.values())], axis=0)
 
     @property
     def values(self) -> np.ndarray:
@@ -126,109 +147,180 @@ class Refinement:
         return np.array([self.problem.value_of(runs) for runs in self.runs])
 
     def evaluate(self, designs: np.ndarray) -> None:
-        """Simulate the trial runs of designs (m, 3), and fit the processes again."""
+        """Simulate the trial runs of designs (m, 3), and fit the trends again."""
+        for name, x in self.problem.fixed_sizes(designs).items():
+            self.fixed[name] = np.append(self.fixed.get(name, []), x)
         for design in designs:
             self.progress("trial runs", len(self.runs) + 1, self.total)
-            self.add(design, self.problem.trial_runs(design, self.problem.run_seed(1, len(self.runs) + 1)))
+            runs = self.problem.trial_runs(design, self._seed)
+            self.designs.append(design)
+            self.runs.append(runs)
+            self.sizes.append(self._sizes_of(design, runs, self._rests))
         self.fit()
 
-    def add(self, design: np.ndarray, runs: Runs) -> None:
-        """Add a design with its runs."""
-        self.designs.append(design)
-        self.runs.append(runs)
-
-    def fit(self) -> None:
-        """Fit the processes to all trials that have a result."""
-        values, at = self.values, self.at
-        finite = np.flatnonzero(np.isfinite(values))
-        # With very few values a trend would be meaningless.
-        if len(finite) < 4:
-            return
-
-        def fitted(rows: np.ndarray, x: np.ndarray, before: GaussianProcess | None) -> GaussianProcess:
-            # The hyperparameters change little from one round to the next, so that later rounds need fewer
-            # steps.
-            steps = _FIRST if before is None else _LATER
-            return fit(Observations(at[rows], x), self.problem.seed, before, steps)
-
-        self.process = fitted(finite, values[finite], self.process)
-        # Sizes are positive and cover decades, so that their logarithms are smooth functions of the design.
-        self._unknown = False
-        for name, size in self._quantiles().items():
-            x = size - np.log1p(-self.problem.spare)
-            rows = np.flatnonzero(np.isfinite(x))
-            # A quantity that is far from its limit everywhere needs no process. A quantity with too few
-            # values for a process is not known to keep its limit.
-            self._unknown |= len(rows) < 4
-            if len(rows) >= 4 and np.any(x[rows] > -0.7):
-                self.limits[name] = fitted(rows, x[rows], self.limits.get(name))
-        if self.rests > _FEW_RESTS:
-            fewer = (1.0 - FEWER) * self.rests - np.array([r.share_at_rest.value for r in self.runs])
-            self.limits[_RESTS] = fitted(finite, fewer[finite], self.limits.get(_RESTS))
-
-    def _quantiles(self) -> dict[str, np.ndarray]:
-        """Return the logarithm of a quantile of every limited quantity over its limit, by name, (m,).
-
-        The level of the quantile leaves the safe share of the allowed excesses. NaN if too few runs stand.
-        """
-        level = 1.0 - _SAFE * self.problem.allowed
-        sizes = [self.problem.sizes_in_runs(*pair) for pair in zip(self.designs, self.runs, strict=True)]
-        stands = [r.stands.sum() for r in self.runs]
-        # All designs have the same level, because the tail beyond it is common to them. If few runs stand,
-        # the level is lower, and more of the result comes from the tail.
-        bulk, least = _BULK[int(np.median(stands) < _BULK[0][1])]
-        out = {}
-        for name in sizes[0]:
-            if name in STILL:
-                continue
-            each = [np.log(np.clip(np.nan_to_num(s[name], nan=_SIZES[1]), *_SIZES)) for s in sizes]
-            own = np.array([np.quantile(x, bulk) if len(x) >= least else np.nan for x in each])
-            # One design has only a few runs beyond the computed quantile. The distribution beyond it is
-            # similar for all designs near the limit, so that their runs are combined.
-            near = [i for i in np.argsort(np.abs(own)) if np.isfinite(own[i])][:_SHARED]
-            tail = np.concatenate([each[i] - own[i] for i in near]) if near else [0.0]
-            out[name] = own + np.quantile(tail, level)
+    def _sizes_of(self, design: np.ndarray, runs: Runs, rests: float) -> dict[str, float]:
+        """Return the logarithm of every limited quantity over its limit that only the safe share of the
+        allowed excesses exceeds, by name; NaN if too few runs stand."""
+        level, spare = 1.0 - _SAFE * self.problem.allowed, np.log1p(-self.problem.spare)
+        out = dict[str, float]()
+        for name, x in self.problem.sizes_in_runs(design, runs).items():
+            if name not in STILL:
+                # Sizes are positive and cover decades, so that their logarithms are smooth functions.
+                x = np.log(np.clip(np.nan_to_num(x, nan=_SIZES[1]), *_SIZES))
+                out[name] = float(np.quantile(x, level) - spare) if len(x) >= _LEAST_RUNS else np.nan
+        if rests > _FEW_RESTS:
+            out[_RESTS] = (1.0 - FEWER) * rests - float(runs.share_at_rest.value)
         return out
 
-    def keeps(self, x: np.ndarray) -> np.ndarray:
-        """Return the probability that designs at points (m, d) keep the limits, according to their trends."""
-        return probability_below_zero(list(self.limits.values()), x) * (not self._unknown)
+    def fit(self) -> None:
+        """Fit the trends to all trials that have a result."""
+        values, at = self.values, self.at(self.designs)
+
+        def fitted(x: np.ndarray) -> Trend | None:
+            rows = np.flatnonzero(np.isfinite(x))
+            return fit(at[rows], x[rows]) if len(rows) >= least_values(at.shape[1]) else None
+
+        self.risk = fitted(values)
+        trends = {name: fitted(np.array([s[name] for s in self.sizes])) for name in self.sizes[0]}
+        # A quantity with too few values for a trend is not known to keep its limit.
+        self._unknown = None in trends.values()
+        self.limits = {name: trend for name, trend in trends.items() if trend is not None}
+
+    def excess(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
+        """Return the largest logarithm of a limited quantity over its limit, (m,), according to the trends.
+
+        It is not positive if a design keeps all limits that need runs, and infinite if one is unknown.
+        """
+        x = self.at(designs)
+        if self._unknown:
+            return np.full(len(x), np.inf)
+        excess = [trend.at(x)[0] + self._shift(name) for name, trend in self.limits.items()]
+        return np.max([np.full(len(x), -np.inf), *excess], axis=0)
+
+    def _shift(self, name: str) -> float:
+        """Return the amount to add to the trend of a limited quantity: by how much the runs of the
+        comparisons exceed the trend, and the margin."""
+        margin, others = self.margin.get(name, 0.0), [c for c in self.compared if name in c.sizes]
+        size = np.array([c.sizes[name] for c in others])
+        if not np.isfinite(size).any():
+            return margin
+        trend = self.limits[name].at(self.at([c.design for c in others]))[0]
+        return margin + float(np.nanmean(size - trend))
+
+    def _score(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
+        """Return numbers that order designs: those within the limits by their trend, then the others by their
+        excess."""
+        excess = self.excess(designs)
+        assert self.risk is not None
+        trend = self.risk.at(self.at(designs))[0]
+        return np.where(excess <= 0.0, trend, _SIZES[1] + excess)
 
     def order(self) -> np.ndarray:
-        """Return the order of the trials: designs that are likely to keep the limits first, then by trend."""
-        x = self.at
-        if self.process is None:
-            return np.arange(len(x))
-        keeps = np.where(self.problem.possible(np.array(self.designs)), self.keeps(x), 0.0)
-        keeps = np.where(np.isfinite(self.values), keeps, -1.0)
-        # Among infeasible designs the one with the highest probability comes first, which guides the next
-        # trials.
-        return np.lexsort((self.process.at(x)[0], np.where(keeps >= self.likely, 0.0, 1.0 - keeps)))
+        """Return the order of the trials: designs that keep the limits first, then by trend."""
+        if self.risk is None:
+            return np.arange(len(self.designs))
+        # Trials of impossible designs exist only if too few others were drawn.
+        score = self._score(self.designs) + np.where(self.possible, 0.0, 1e6)
+        return np.argsort(np.where(np.isfinite(self.values), score, np.inf), kind="stable")
 
-    def next(self, turn: int, count: int, last: bool) -> np.ndarray:
-        """Return designs (m, 3) for the next trials, at most `count`.
-
-        They are the designs of largest expected improvement; in the last round those of smallest trend.
-        """
-        space, rng = self.problem.space, np.random.default_rng([self.problem.seed, 12, turn])
-        if self.process is None:
-            return space.unscaled(rng.random((count, len(space.names))))
-        # Proposals near the best four designs refine them; the others explore the space.
-        best = self.at[self.order()[:4]]
-        x = proposals(rng, best)
-        keeps = self.keeps(x)
-        if self.keeps(best[:1])[0] < self.likely:
-            # No trial is likely to keep the limits, so that there is no value to improve on: look for a
-            # feasible design.
-            promise = keeps
-        elif last:
-            promise = np.where(keeps >= self.likely, -self.process.at(x)[0], -np.inf)
-        else:
-            promise = keeps * improvement(self.process, x, float(self.process.at(best[:1])[0][0]))
+    def next(self, count: int, apart: float) -> np.ndarray:
+        """Return designs (m, 3) of smallest trend for the next trials, at most `count`, at a distance from
+        each other and from all earlier ones."""
+        space, self._turn = self.problem.space, self._turn + 1
+        rng = np.random.default_rng([self.problem.seed, 12, self._turn])
+        if self.risk is None:
+            return space.sample(rng, count)
+        x = self._proposals(rng)
+        x = x[np.argsort(self._score(x), kind="stable")[:_MOST_CHECKED]]
+        chosen, seen = np.empty((0, 3)), self.at(self.designs)
         # Limits that need no run are cheap to check, but not for thousands of proposals.
-        order = np.argsort(-promise, kind="stable")[:_WEIGHED]
-        order = order[self.problem.possible(space.unscaled(x[order]))]
-        return space.unscaled(x[first_apart(x, order, count, _APART)])
+        for some in np.array_split(x, range(_CHECKED, len(x), _CHECKED)):
+            far = np.linalg.norm(self.at(some)[:, None] - seen, axis=-1).min(axis=1) > apart
+            if not far.any():
+                continue
+            for design in some[far][self.problem.possible(some[far])]:
+                here = self.at(design[None])
+                if len(chosen) < count and np.linalg.norm(seen - here, axis=1).min() > apart:
+                    chosen, seen = np.concatenate([chosen, design[None]]), np.concatenate([seen, here])
+            if len(chosen) == count:
+                break
+        return chosen
+
+    def _proposals(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw designs (m, 3) that are compared by their trend: anywhere in the space, and near the best
+        trials."""
+        space, best = self.problem.space, np.array(self.designs)[self.order()[:_BEST]]
+        low, high = space.logarithms(space.ends)
+        # All widths, because the distance of the best designs is not known in advance. Along the difference
+        # of two good designs a proposal follows the limits, between which the best designs often lie.
+        start, i, j = self.at(best)[rng.integers(len(best), size=(3, _NEAR))]
+        narrow, wide = np.log(_WIDTHS)
+        width = np.exp(rng.uniform(narrow, wide, (_NEAR, 1)))
+        along = rng.normal(size=(_NEAR, 1)) * (i - j) * (rng.random((_NEAR, 1)) < 0.5)
+        near = start + along + width * rng.normal(size=start.shape)
+        shares = (np.clip(near, low, high) - low) / (high - low)
+        return space.unscaled(np.concatenate([shares, rng.random((_ANYWHERE, len(low)))]))
+
+    def best(self, rejected: Sequence[np.ndarray]) -> np.ndarray | None:
+        """Return the best design (3,) by comparisons of the nonlinear equations, apart from designs that the
+        validation rejected; None if no design is likely to keep the limits."""
+        for turn in range(_COMPARISONS):
+            if turn and len(new := self.next(_BATCH, _APART[1])):
+                # The comparison has shown by how much the trends of the limits are wrong.
+                self.evaluate(new)
+            for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
+                self.progress("comparing", len(self.compared) + 1, sum(_FEW))
+                self.compare(design)
+            kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= 0.0]
+            # The first comparison only corrects the trends, before which the choice would be one of chance.
+            if kept and turn:
+                return min(kept, key=lambda c: c.value).design
+        every = self._eligible(rejected)
+        return min(every, key=self._excess_of).design if every else None
+
+    def compare(self, design: np.ndarray) -> None:
+        """Simulate runs of the nonlinear equations of a design, the same for all designs."""
+        runs = self.problem.trial_runs(design, self.problem.run_seed(3, 0), Terms.nonlinear.value)
+        # The rests are compared by the linear equations only, which have the same runs without a pendulum.
+        sizes = self._sizes_of(design, runs, 0.0)
+        self.compared.append(Compared(design, self.problem.value_of(runs), sizes))
+
+    def _excess_of(self, c: Compared) -> float:
+        """Return the largest logarithm of a limited quantity over its limit in the runs of a comparison."""
+        excess = [x + self.margin.get(name, 0.0) for name, x in c.sizes.items()]
+        return float(np.max(np.nan_to_num([-np.inf, *excess], nan=np.inf)))
+
+    def _eligible(self, rejected: Sequence[np.ndarray]) -> list[Compared]:
+        """Return the compared designs that lie apart from rejected ones."""
+        return [c for c in self.compared if self._is_apart(c.design, rejected)]
+
+    def _pool(self, others: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the trials (m, 3) that keep the limits, best first, apart from each other and from other
+        designs."""
+        trials = self.trials()
+        chosen = list(others)
+        for design in trials.designs[trials.feasible]:
+            if self._is_apart(design, chosen):
+                chosen.append(design)
+        return np.array(chosen[len(others) :]).reshape(-1, 3)
+
+    def _is_apart(self, design: np.ndarray, others: Sequence[np.ndarray]) -> bool:
+        """Return whether a design has a distance from all other designs."""
+        distances = self.at(np.array(others).reshape(-1, 3)) - self.at(design)
+        return bool(np.all(np.linalg.norm(distances, axis=1) > _APART[1]))
+
+    def learn(self, design: np.ndarray, runs: Runs) -> None:
+        """Learn from the validation runs of a rejected design by how much the comparisons underestimate the
+        limited quantities."""
+        for name, x in self._sizes_of(design, runs, 0.0).items():
+            if x > 0.0:
+                self.margin[name] = self.margin.get(name, 0.0) + x
+
+    def promises(self, share: float) -> bool:
+        """Return whether the trend of a trial that keeps the limits is at most a share of the risk without a
+        pendulum, as far as the trend is known."""
+        trials = self.trials()
+        return self.risk is None or bool(np.any(trials.trend[trials.feasible] <= share * self.without))
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the
@@ -237,64 +329,51 @@ class Refinement:
         Their trend exceeds the trend of the design by at most two standard deviations, and they keep the
         limits.
         """
-        if self.process is None:
+        if self.risk is None:
             return None
-        space = self.problem.space
-        here = space.scaled(design[None])
-        x = np.clip(proposals(np.random.default_rng([self.problem.seed, 14]), here), 0.0, 1.0)
-        trend, deviation = (float(v[0]) for v in self.process.at(here))
+        trend, deviation = (float(v[0]) for v in self.risk.at(self.at(design[None])))
+        x = self._proposals(np.random.default_rng([self.problem.seed, 14]))
         # Two standard deviations: the trials cannot distinguish such designs.
-        good = (self.process.at(x)[0] <= trend + 2.0 * deviation) & (self.keeps(x) >= self.likely)
-        designs = space.unscaled(x[good])
-        equivalent = np.concatenate([design[None], designs[self.problem.possible(designs)]])
+        good = x[(self.risk.at(self.at(x))[0] <= trend + 2.0 * deviation) & (self.excess(x) <= 0.0)]
+        equivalent = np.concatenate([design[None], good[self.problem.possible(good)]])
         return np.stack([equivalent.min(axis=0), equivalent.max(axis=0)])
 
     def trials(self) -> Trials:
         """Return all trials as a table, best first."""
-        order = self.order()
-        designs = np.array(self.designs)
-        fixed = self.problem.fixed_sizes(designs)
-        quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
-        columns = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
-        sizes = np.array(columns, dtype=float).reshape(len(fixed), len(designs)).T
-        x = self.at
-        # If no process could be fitted, only the validation can show whether a design keeps the limits.
-        feasible = (self.keeps(x) >= self.likely) & self.problem.possible(designs)
-        feasible &= np.isfinite(sizes).all(axis=1) | (self.process is None)
-        trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
+        order, designs, names = self.order(), np.array(self.designs), tuple(self.fixed)
+        sizes = np.column_stack([np.empty((len(designs), 0)), *self.fixed.values()])
+        for column, name in zip(sizes.T, names, strict=True):
+            np.maximum(column, [np.exp(s.get(name, -np.inf)) for s in self.sizes], out=column)
+        # If no trend could be fitted, only the validation can show whether a design keeps the limits.
+        feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.risk is None))
+        feasible &= np.isfinite(sizes).all(axis=1) | (self.risk is None)
+        trend = np.full(len(designs), np.nan) if self.risk is None else self.risk.at(self.at(designs))[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         overturned, unanswered, runs = np.array(counts, dtype=float).T
         return Trials(
             designs=designs[order],
             value=self.values[order],
             trend=trend[order],
-            names=tuple(fixed),
+            names=names,
             sizes=sizes[order],
             overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
             undecided=unanswered.astype(int)[order],
             feasible=feasible[order],
             without_pendulum=self.without,
-            process=self.process,
-            limits=dict(self.limits),
+            risk=self.risk,
+            # A spline with a constant added to all values is the spline plus this constant.
+            limits={n: replace(t, values=t.values + self._shift(n)) for n, t in self.limits.items()},
         )
 
 
 def refine(problem: Problem, candidates: np.ndarray, progress: Progress) -> Refinement:
-    """Evaluate candidates (m, 3) of a problem by trial runs, then further designs of large expected
-    improvement."""
-    rounds, batch = problem.rounds
-    refinement = Refinement(problem, progress, len(candidates) + rounds * batch)
+    """Evaluate candidates (m, 3) of a problem by trial runs, then further designs of small trend."""
+    total = len(candidates) + problem.further
+    refinement = Refinement(problem, progress, total)
     refinement.evaluate(candidates)
-    for turn in range(rounds):
-        designs = refinement.next(turn, batch, turn == rounds - 1)
-        if len(designs):
-            refinement.evaluate(designs)
+    while (more := total - len(refinement.designs)) > 0:
+        designs = refinement.next(min(more, _BATCH), _APART[more <= _BATCH])
+        if not len(designs):
+            break
+        refinement.evaluate(designs)
     return refinement
-
-
-def apart(problem: Problem, designs: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the designs (m, 3) that have a distance from all other designs."""
-    units = problem.space.scaled(designs)
-    near = problem.space.scaled(np.array(others).reshape(-1, 3))
-    distance = np.linalg.norm(units[:, None] - near[None], axis=-1).min(axis=1, initial=np.inf)
-    return designs[distance > _APART]

@@ -52,10 +52,6 @@ _APART = (0.1, 0.03, 0.0)
 applies if too few designs are left."""
 _FINISHED_APART = 0.02
 """Smallest distance between the designs that SLSQP refines, in shares of the bounds."""
-_PASSED, _AWAY = 48, 0.05
-"""Largest number of designs that are kept from the paths, and their smallest distance from each other and
-from the ends of all descents."""
-
 _AT_LIMIT = 1e-3
 """Relative distance from a limit below which the limit counts as active."""
 
@@ -111,8 +107,6 @@ class Search:
     """Whether these designs keep the limits, (m,)."""
     paths: tuple[np.ndarray, ...]
     """Designs along each descent, each (steps, 3)."""
-    passed: np.ndarray
-    """Best designs of the paths that lie apart from each other and from the ends, best first, (k, 3)."""
     ends: np.ndarray
     """Best design of each descent after the finish, (searches, 3)."""
     end_values: np.ndarray
@@ -226,7 +220,6 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         screened_value=screened_value,
         screened_feasible=excess == 0.0,
         paths=tuple(space.unscaled(descents.path[:, i]) for i in range(len(x))),
-        passed=space.unscaled(_passed(descents, x)),
         ends=space.unscaled(x),
         end_values=values,
         order=np.lexsort((merit, values)),
@@ -270,15 +263,6 @@ def _mismatch(model: Linearisation, exact: Linearisation) -> np.ndarray:
     return np.stack([apart.max(axis=1), change.max(axis=(1, 2))], axis=1)
 
 
-def _passed(ends: Ends, x: np.ndarray) -> np.ndarray:
-    """Return the best designs of all paths that lie apart from the ends `x`, in shares of the bounds."""
-    # The merits of the paths include the penalty, so that a design beyond a limit comes late in the order.
-    order = len(x) + np.argsort(ends.path_merit.ravel(), kind="stable")
-    every = np.concatenate([x, ends.path.reshape(-1, x.shape[1])])
-    chosen = first_apart(every, np.r_[np.arange(len(x)), order], len(x) + _PASSED, _AWAY, len(x))
-    return every[chosen[len(x) :]]
-
-
 def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: bool) -> SearchStatus:
     """Return how one search ended, from its best design `x` and the linearisation there."""
     most = at.limit.max(initial=-1.0) - BACK_OFF
@@ -320,14 +304,12 @@ class Ends(NamedTuple):
     """Risk measure plus penalty, (m,)."""
     path: np.ndarray
     """Best designs before the first step and after every step, (steps + 1, m, d)."""
-    path_merit: np.ndarray
-    """Merits of the designs of the path, (steps + 1, m)."""
 
     @staticmethod
     def begun(x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
         """Return the starts as the best designs before the first step."""
         merit = merit_of(local, risk)
-        return Ends(x, local, merit, x[None], merit[None])
+        return Ends(x, local, merit, x[None])
 
     def after(self, x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
         """Return the best designs after one more design (m, d) of each descent."""
@@ -337,8 +319,7 @@ class Ends(NamedTuple):
         flags = (better.reshape(-1, *(1,) * (part.ndim - 1)) for part in local)
         local = Linearisation(*map(np.where, flags, local, self.local))
         x, merit = np.where(better[:, None], x, self.x), np.where(better, merit, self.merit)
-        path = np.concatenate([self.path, x[None]]), np.concatenate([self.path_merit, merit[None]])
-        return Ends(x, local, merit, *path)
+        return Ends(x, local, merit, np.concatenate([self.path, x[None]]))
 
 
 def merit_of(at: Linearisation, risk: Measure) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Design space: bounds of the search, and distances between designs in shares of the bounds."""
+"""Design space: bounds of the search, and distances between designs in shares of the logarithmic bounds."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ _RANGES = {
     "length": LENGTHS,
 }
 """Largest ranges of a design space."""
+_SMALL = 0.01
+"""Share of an upper bound below which shares of the bounds are no longer logarithmic."""
 
 
 @checks.keywords
@@ -148,20 +150,44 @@ class DesignSpace:
         """Draw designs (mu, lam, zeta) by a Latin hypercube, shape (count, 3)."""
         return self.unscaled(latin_hypercube(rng, count, len(self.names)))
 
-    def scaled(self, designs: np.ndarray) -> np.ndarray:
-        """Return the varied parameters of designs (..., 3) as shares of the bounds, shape (...,
-        len(names))."""
-        # Searches work in shares of the bounds, because mass and length have no common unit for a step.
+    @property
+    def _shift(self) -> np.ndarray:
+        """Numbers that are added to the varied parameters before the logarithm is taken, (len(names),)."""
         low, high = self.bounds
-        return (np.take(designs, self.searched, axis=-1) - low) / (high - low)
+        # A bound may be zero, or so small that most of a logarithmic range would have no effect.
+        return np.maximum(_SMALL * high - low, 0.0)
+
+    def logarithms(self, designs: np.ndarray) -> np.ndarray:
+        """Return the logarithms of the varied parameters of designs (..., 3), shape (..., len(names)).
+
+        Their differences are relative changes, which do not depend on the bounds.
+        """
+        return np.log(np.take(designs, self.searched, axis=-1) + self._shift)
+
+    def scaled(self, designs: np.ndarray) -> np.ndarray:
+        """Return the varied parameters of designs (..., 3) as shares of the logarithmic bounds, shape (...,
+        len(names))."""
+        # Mass and length have no common unit for a step, and their bounds may span decades: equal steps are
+        # equal factors.
+        low, high = self.logarithms(self.ends)
+        return (self.logarithms(designs) - low) / (high - low)
 
     def unscaled(self, unit: np.ndarray) -> np.ndarray:
-        """Return designs (mu, lam, zeta), shape (..., 3), from shares of the bounds, shape (...,
+        """Return designs (mu, lam, zeta), shape (..., 3), from shares of the logarithmic bounds, shape (...,
         len(names))."""
-        low, high = self.bounds
+        low, high = self.logarithms(self.ends)
         out = np.tile(self.ends[0], (*np.shape(unit)[:-1], 1))
-        out[..., self.searched] = low + np.asarray(unit) * (high - low)
+        varied = np.exp(low + np.asarray(unit) * (high - low)) - self._shift
+        # The logarithm of a bound has a rounding error.
+        out[..., self.searched] = np.clip(varied, *self.bounds)
         return out
+
+    def slopes(self, designs: np.ndarray, by_ratio: np.ndarray) -> np.ndarray:
+        """Return derivatives with respect to the shares, (m, n, len(names)), from those with respect to (mu,
+        lam, zeta), (m, n, 3), at designs (m, 3)."""
+        low, high = self.logarithms(self.ends)
+        rates = (np.take(designs, self.searched, axis=-1) + self._shift) * (high - low)
+        return np.take(by_ratio, self.searched, axis=-1) * rates[:, None]
 
 
 def check_moves(scene: Scene, conditions: Conditions) -> None:

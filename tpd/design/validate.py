@@ -20,7 +20,7 @@ from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import FEWER, Decision, PairedRuns
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
-from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
+from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.limits import Requirements
 from tpd.scene.scene import Pendulum
 
@@ -66,8 +66,8 @@ class Validated:
 
     @property
     def is_harmful(self) -> bool:
-        """Whether the block overturns more often, or the bob touches a wall too often."""
-        return any(reason.kind in GRAVE for reason in self.reasons)
+        """Whether a reason against the design is a danger."""
+        return any(reason.is_danger for reason in self.reasons)
 
 
 def validate(

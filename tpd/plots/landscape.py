@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
-from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.refine import Trials
 from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
 
@@ -27,8 +26,8 @@ edge at a ratio of 1 is drawn."""
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     """Draw the mean tilt over mass ratio and length ratio, at the damping ratio of the best design.
 
-    Dark areas have a large tilt. The field is the trend that a Gaussian process estimates from all trial runs
-    of the linear equations. It is grey where the trials do not determine the trend, and hatched where a limit
+    Dark areas have a large tilt. The field is the trend of all trial runs of the linear equations, by a
+    smoothing spline. It is grey where the trials do not determine the trend, and hatched where a limit
     is exceeded; the name of the limit stands at its edge. Dots are trial designs, thin lines the paths of the
     descents, crosses the designs that the validation rejected, and the star is the best design.
 
@@ -46,26 +45,27 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         ValueError: the trials of the design have no trend, for example because no pendulum is needed.
     """
     trials, best = design.trials, design.nearest
-    if trials is None or trials.process is None or best is None:
+    if trials is None or trials.risk is None or best is None:
         raise ValueError("`design` must have trial runs from which a trend follows, but has none")
     ax = cast(Axes, new_axes(size=(7.0, 5.0)) if ax is None else ax)
     space = design.space
     if len(space.names) == 1:
-        return _curve(ax, design, trials, trials.process, best)
+        return _curve(ax, design, trials, best)
     axes = space.searched[:2]
     low, high = space.bounds[:, :2]
     x, y = np.linspace(low, high, _GRID).T
     designs = np.tile(best, (_GRID**2, 1))
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    field, deviation = (z.reshape(_GRID, _GRID) for z in trials.process.at(space.scaled(designs)))
+    field, deviation = (z.reshape(_GRID, _GRID) for z in trials.risk.at(space.logarithms(designs)))
     # With two axes, one of the three parameters has the value of the best design everywhere.
     (other,) = {0, 1, 2} - {*axes.tolist()}
     label = f"tilt over ν in trial runs, at {'μλζ'[other]} = {best[other]:.2g} (-)"
     _shade(ax, x, y, field, trials.without_pendulum, label)
     # The grey area covers the contours and their values, because the trend is not known there.
-    if (deviation > trials.process.spread).any():
+    spread = np.std(trials.risk.values)
+    if (deviation > spread).any():
         # The trend is unknown where its standard deviation is as large as that of all trial values.
-        levels = [trials.process.spread, np.inf]
+        levels = [spread, np.inf]
         ax.contourf(x, y, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
         ax.fill([], [], color=_UNKNOWN, label="trend not known")
     # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
@@ -99,11 +99,14 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, best: np.ndarray) -> Axes:
+def _curve(ax: Axes, design: Design, trials: Trials, best: np.ndarray) -> Axes:
     """Draw the mean tilt over the only parameter that is searched."""
-    space, unit = design.space, np.linspace(0.0, 1.0, _GRID)[:, None]
-    designs, (trend, deviation), column = space.unscaled(unit), process.at(unit), space.searched[0]
-    x = designs[:, column]
+    assert trials.risk is not None
+    space, column = design.space, design.space.searched[0]
+    designs = np.tile(best, (_GRID, 1))
+    low, high = space.bounds
+    designs[:, column] = x = np.linspace(low, high, _GRID)[:, 0]
+    trend, deviation = trials.risk.at(space.logarithms(designs))
     around = trend - 2.0 * deviation, trend + 2.0 * deviation
     ax.fill_between(x, *around, color=_UNKNOWN, label="trend, 2 standard deviations")
     ax.plot(x, trend, color=INK)
@@ -114,7 +117,7 @@ def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, b
         style: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "fc": "none", "ec": _HATCH}
         ax.fill_between(x, 0.0, 1.0, over, hatch="//", lw=0.0, label="exceeds a limit", **style)
     _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
-    _star(ax, design, np.array([best[column], process.at(space.scaled(best[None]))[0][0]]))
+    _star(ax, design, np.array([best[column], trials.risk.at(space.logarithms(best[None]))[0][0]]))
     ax.set(xlabel=LABELS[space.names[0]], ylabel="tilt over ν in trial runs (-)", xlim=x[[0, -1]])
     legend(ax, columns=3)
     return ax
@@ -124,11 +127,12 @@ def _limits(design: Design, trials: Trials, designs: np.ndarray) -> dict[str, np
     """Return quantities that are positive where a limit is exceeded, by name, for designs of shape (m, 3).
 
     They are those that decide which designs are feasible: logarithms of exact values over their limits where
-    no run is needed, and otherwise the Gaussian processes of the trials.
+    no run is needed, and otherwise the trends of the trials.
     """
     out = {n: np.log(np.clip(x, *_CLIPPED)) for n, x in design.problem.fixed_sizes(designs).items()}
-    for name, process in trials.limits.items():
-        out[name] = np.maximum(out.get(name, -np.inf), process.at(design.space.scaled(designs))[0])
+    at = design.space.logarithms(designs)
+    for name, trend in trials.limits.items():
+        out[name] = np.maximum(out.get(name, -np.inf), trend.at(at)[0])
     return out
 
 

@@ -16,10 +16,10 @@ from tpd.answers.run_table import Runs
 from tpd.core import files
 from tpd.design.as_built import Details
 from tpd.design.design import Design
-from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.reasons import Reason
 from tpd.design.sizes import MOTION_KINDS
 from tpd.design.stored_design import VERSION
+from tpd.design.trend import Trend
 from tpd.report import words
 from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
@@ -81,8 +81,8 @@ def json_of(x: Any) -> Any:
         # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
             return json_of(x.summary())
-        case GaussianProcess():
-            # The process follows from the trials, which are written as well.
+        case Trend():
+            # The trend follows from the trials, which are written as well.
             return None
         case Conditions():
             return {"description": list(x.description), "factors": json_of(dict(x.factors))}
