@@ -19,6 +19,12 @@ def refined(problem: Problem, progress=unreported) -> Refinement:
     return refine(problem, problem.candidates(unreported)[0], progress)
 
 
+def best_of(here: Refinement, *rejected: np.ndarray) -> np.ndarray:
+    best = here.best(rejected)
+    assert best is not None
+    return best
+
+
 @pytest.fixture(scope="module")
 def refinement():
     return refined(NoisyProblem.of())
@@ -91,8 +97,8 @@ def test_a_wider_space_ends_at_the_same_design(refinement):
     names = "mass_ratio", "length_ratio", "damping_ratio"
     space: Any = tpd.DesignSpace(**dict(zip(names, map(tuple, ends), strict=True)))
     problem = Wide(**(NoisyProblem.of().inputs | {"space": space}))
-    best = refined(problem).best([])
-    assert problem.tilt(best) < problem.tilt(refinement.best([])) + 0.01
+    best = best_of(refined(problem))
+    assert problem.tilt(best) < problem.tilt(best_of(refinement)) + 0.01
     assert SPACE.scaled(best)[0] < 0.5
 
 
@@ -108,7 +114,7 @@ class Longer(NoisyProblem):
 def test_comparisons_correct_the_trend_of_a_limit():
     here = refined(Longer(**NoisyProblem.of().inputs))
     first = SPACE.scaled(here.trials().designs[0])[0]
-    best = SPACE.scaled(here.best([]))
+    best = SPACE.scaled(best_of(here))
     # The swing is proportional to the exponential of the share of mu.
     assert first - best[0] == pytest.approx(np.log(1.1), abs=0.04)
     np.testing.assert_allclose(best[1:], [0.5, 0.4], atol=0.15)
@@ -117,9 +123,9 @@ def test_comparisons_correct_the_trend_of_a_limit():
 
 def test_a_rejected_design_moves_the_next_one_inside_the_limit():
     here = refined(NoisyProblem.of())
-    first = here.best([])
+    first = best_of(here)
     here.learn(first, outcomes([0.3] * 64, 0.55, design=first))
-    second = here.best([first])
+    second = best_of(here, first)
     assert SPACE.scaled(first)[0] - SPACE.scaled(second)[0] == pytest.approx(np.log(1.1), abs=0.04)
 
 
@@ -130,7 +136,7 @@ def test_runs_without_an_answer_are_counted_and_change_no_estimate():
     assert abs(trials.trend[0] - problem.tilt(trials.designs[0])) < 0.04
     none = NoisyProblem.of(unanswered=1.1)
     here = refined(none)
-    assert here.risk is None
+    assert here.merit is None
     trials = here.trials()
     assert np.all(np.isnan(trials.value))
     np.testing.assert_array_equal(trials.undecided, 64)
@@ -149,7 +155,8 @@ def test_a_design_without_a_known_run_comes_last():
     shares[4, 2] = 1.0
     here.evaluate(SPACE.unscaled(shares))
     assert here.order()[-1] == 4
-    assert len(here.risk.values) == 8
+    assert here.merit is not None
+    assert len(here.merit.values) == 8
 
 
 def test_proposed_designs_keep_to_the_limits_that_need_no_run():
@@ -240,3 +247,45 @@ def test_a_run_of_unknown_swing_counts_against_a_design():
     assert np.all(trials.sizes[heavy] > 1.0)
     assert np.all(trials.sizes[~heavy] < 1.0)
     assert problem.over_limit(trials.designs[heavy][0], problem.runs(trials.designs[heavy][0], 1))[0] == 0.25
+
+
+class Overturning(NoisyProblem):
+    """A long pendulum reduces the tilt, and a short one the share of the runs that overturn."""
+
+    def runs(self, design, seed, equations="linear"):
+        length = 0.0 if design is None else SPACE.scaled(np.asarray(design))[1]
+        lost = np.arange(64) < 64 * (0.5 if design is None else 0.1 + 0.2 * length)
+        tilt = 0.7 if design is None else 0.7 - 0.6 * length
+        return outcomes(
+            np.where(lost, np.inf, tilt), 0.1, design=RATIOS if design is None else design, seed=seed
+        )
+
+
+@pytest.mark.parametrize(("reduce", "length"), [("tilt", 1.0), ("overturning", 0.0), (None, 0.0)])
+def test_the_search_reduces_what_the_verdict_compares(reduce, length):
+    inputs: Any = NoisyProblem.of(limits=(), requirements=tpd.limits.Requirements(reduce=reduce)).inputs
+    assert SPACE.scaled(best_of(refined(Overturning(**inputs))))[1] == pytest.approx(length, abs=0.05)
+
+
+def test_trials_beyond_a_bound_show_the_effect_of_a_wider_bound():
+    """The minimum of the tilt is at 0.6 of the range of mu, of which only the first half is allowed."""
+    half = SPACE.unscaled(np.array([0.5, 0.0, 0.0]))[0]
+    space: Any = dataclasses.replace(SPACE, mass_ratio=(float(SPACE.ends[0, 0]), float(half)))
+
+    class Half(NoisyProblem):
+        def candidates(self, progress):
+            return self.space.sample(np.random.default_rng(0), 24), None
+
+    here = refined(Half(**(NoisyProblem.of(limits=()).inputs | {"space": space})))
+    best = best_of(here)
+    (wider,) = here.wider_bounds(best)
+    assert (wider.column, wider.bound) == (0, pytest.approx(half))
+    assert wider.wider == pytest.approx(2.0 * half)
+    assert wider.gain == pytest.approx(0.5 * 0.1**2, abs=0.004)
+    assert str(wider) == f"a bound of {2.0 * half:.3g} would lower the mean tilt by less than 1 point"
+    assert here.wider_bounds(SPACE.unscaled(np.array([0.3, 0.5, 0.4]))) == ()
+    # The trials beyond the bound are none of the search.
+    assert here.trials().designs[:, 0].max() <= half
+    stroke = refined(Half(**(NoisyProblem.of(limits=(tpd.limits.Stroke(0.48),)).inputs | {"space": space})))
+    (wider,) = stroke.wider_bounds(space.unscaled(np.array([1.0, 0.5, 0.4])))
+    assert str(wider).endswith("no design keeps the limits")

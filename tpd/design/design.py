@@ -15,7 +15,7 @@ from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed, number, percent
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
-from tpd.design.refine import Trials
+from tpd.design.refine import Trials, WiderBound
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated
@@ -57,6 +57,8 @@ class Design(Printed):
     equivalent: np.ndarray | None = None
     """Smallest and largest (mu, lam, zeta), shape (2, 3), of the designs that perform equally well within the
     accuracy of the trial runs; None if this is not known."""
+    wider_bounds: tuple[WiderBound, ...] = ()
+    """Effects of wider bounds of the design space, for the bounds that the recommended design lies on."""
 
     @property
     def scene(self) -> Scene:
@@ -174,10 +176,11 @@ class Design(Printed):
         beyond these bounds."""
         if self.nearest is None:
             return []
-        # On a bound, the scaled value is 0 or 1. A design within a hundredth of the range counts as on it.
-        unit = dict(zip(self.space.searched, self.space.scaled(self.nearest), strict=True))
-        sides = {i: "upper" if x > 0.5 else "lower" for i, x in unit.items() if not 0.01 < x < 0.99}
-        return [f"{side} search bound of the {self._word(int(i))}" for i, side in sides.items()]
+        effect = {wider.column: f" ({wider})" for wider in self.wider_bounds}
+        return [
+            f"{('lower', 'upper')[side]} search bound of the {self._word(i)}{effect.get(i, '')}"
+            for i, side in self.space.bounds_at(self.nearest).items()
+        ]
 
     def _word(self, i: int) -> str:
         """Return words for the i-th parameter of the best design, with its value."""

@@ -50,7 +50,7 @@ of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt 
 decide. With 80 earthquakes it is 94 and 100 % (`tests.benchmarks.quoted`)."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
-_TRIAL_RUNS, _MORE_RUNS = 64, 128
+_TRIAL_RUNS, _MORE_RUNS = 192, 384
 """Smallest numbers of runs of a trial and of a comparison. With fewer conditions each has several runs, with
 other samples of the quantities that vary."""
 _EVENTS = 20_000

@@ -19,8 +19,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.answers.paired import FEWER
+from tpd.answers.paired import FEWER, OVERTURNS
 from tpd.answers.run_table import Runs
+from tpd.core.formatting import number
 from tpd.core.progress import Progress
 from tpd.design.problem import Problem
 from tpd.design.trend import Trend, fit, least_values
@@ -48,6 +49,8 @@ _LEAST_RUNS = 4
 _RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
 """Name of the limit on the decrease of the runs at rest, and share of runs at rest without a pendulum below
 which they are not compared."""
+_TILT = 0.25
+"""Weight of the mean tilt if the share of overturned runs must fall. The share alone would need more runs."""
 _SIZES = 1e-6, 1e3
 """Smallest and largest limited quantity over its limit. A run whose quantity is unknown has the largest."""
 
@@ -94,10 +97,30 @@ class Compared:
 
     design: np.ndarray
     """(mu, lam, zeta)."""
-    value: float
-    """Risk of the severities."""
+    merit: float
+    """Merit of its runs."""
     sizes: dict[str, float]
     """Logarithms of the limited quantities over their limits, by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WiderBound:
+    """Effect of a wider bound of the design space, by trial runs beyond the bound."""
+
+    column: int
+    """Column of (mu, lam, zeta)."""
+    bound: float
+    """Bound on which the design lies."""
+    wider: float
+    """Bound of the further trials."""
+    gain: float
+    """Decrease of the risk, at least 0; NaN if no trial beyond the bound keeps the limits."""
+
+    def __str__(self) -> str:
+        if np.isnan(self.gain):
+            return f"up to {number(self.wider, 3)} no design keeps the limits"
+        points = "less than 1 point" if self.gain < 0.01 else f"{number(100.0 * self.gain, 2)} points"
+        return f"a bound of {number(self.wider, 3)} would lower the mean tilt by {points}"
 
 
 @dataclass
@@ -118,8 +141,8 @@ class Refinement:
     """Limited quantities of the trials that need no run, over their limits, by name, (m,)."""
     compared: list[Compared] = field(default_factory=list)
     """Designs that were compared by runs of the nonlinear equations."""
-    risk: Trend | None = None
-    """Trend of the risk."""
+    merit: Trend | None = None
+    """Trend of the merit, which orders the designs."""
     limits: dict[str, Trend] = field(default_factory=dict)
     """Trend of each limited quantity, by name: negative where the limit is kept."""
     margin: dict[str, float] = field(default_factory=dict)
@@ -130,7 +153,11 @@ class Refinement:
         self._seed, self._turn = self.problem.run_seed(1, 0), 0
         # The runs without a pendulum are the reference of every trial.
         runs = self.problem.trial_runs(None, self._seed)
-        self.without, self._rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
+        self.without, self._rests = runs, float(runs.share_at_rest.value)
+        overturns = runs.share_overturned.value >= OVERTURNS
+        reduce = self.problem.requirements.reduce or ("overturning" if overturns else "tilt")
+        # The search reduces what the verdict compares.
+        self._tilt = _TILT if reduce == "overturning" else 1.0
 
     def at(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
         """Return designs (m, 3) in the coordinates of the trends, (m, d)."""
@@ -141,10 +168,12 @@ class Refinement:
         """Whether each trial keeps the limits that need no run, (m,)."""
         return np.all([np.ones(len(self.designs)), *(x <= 1.0 for x in self.fixed.values())], axis=0)
 
-    @property
-    def values(self) -> np.ndarray:
-        """Risk of each trial, (m,); NaN if no run has a result."""
-        return np.array([self.problem.value_of(runs) for runs in self.runs])
+    def merit_of(self, runs: Runs) -> float:
+        """Return the merit of a design from its runs: the risk, or mostly the share of overturned runs if
+        this must fall. It is NaN if no run has a result."""
+        severity = self._tilt * runs.severity + (1.0 - self._tilt) * runs.is_overturned
+        severity = severity[~runs.is_unanswered]
+        return self.problem.risk_of(severity) if len(severity) else np.nan
 
     def evaluate(self, designs: np.ndarray) -> None:
         """Simulate the trial runs of designs (m, 3), and fit the trends again."""
@@ -174,17 +203,17 @@ class Refinement:
 
     def fit(self) -> None:
         """Fit the trends to all trials that have a result."""
-        values, at = self.values, self.at(self.designs)
-
-        def fitted(x: np.ndarray) -> Trend | None:
-            rows = np.flatnonzero(np.isfinite(x))
-            return fit(at[rows], x[rows]) if len(rows) >= least_values(at.shape[1]) else None
-
-        self.risk = fitted(values)
-        trends = {name: fitted(np.array([s[name] for s in self.sizes])) for name in self.sizes[0]}
+        self.merit = self._trend_of([self.merit_of(runs) for runs in self.runs])
+        trends = {name: self._trend_of([s[name] for s in self.sizes]) for name in self.sizes[0]}
         # A quantity with too few values for a trend is not known to keep its limit.
         self._unknown = None in trends.values()
         self.limits = {name: trend for name, trend in trends.items() if trend is not None}
+
+    def _trend_of(self, values: Sequence[float]) -> Trend | None:
+        """Return the trend of a value of each trial; None if too few of them have a value."""
+        x, at = np.array(values), self.at(self.designs)
+        rows = np.flatnonzero(np.isfinite(x))
+        return fit(at[rows], x[rows]) if len(rows) >= least_values(at.shape[1]) else None
 
     def excess(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
         """Return the largest logarithm of a limited quantity over its limit, (m,), according to the trends.
@@ -201,6 +230,7 @@ class Refinement:
         """Return the amount to add to the trend of a limited quantity: by how much the runs of the
         comparisons exceed the trend, and the margin."""
         margin, others = self.margin.get(name, 0.0), [c for c in self.compared if name in c.sizes]
+        # Without a comparison the trend of the linear equations is the best estimate.
         size = np.array([c.sizes[name] for c in others])
         if not np.isfinite(size).any():
             return margin
@@ -211,24 +241,25 @@ class Refinement:
         """Return numbers that order designs: those within the limits by their trend, then the others by their
         excess."""
         excess = self.excess(designs)
-        assert self.risk is not None
-        trend = self.risk.at(self.at(designs))[0]
+        assert self.merit is not None
+        trend = self.merit.at(self.at(designs))[0]
         return np.where(excess <= 0.0, trend, _SIZES[1] + excess)
 
     def order(self) -> np.ndarray:
         """Return the order of the trials: designs that keep the limits first, then by trend."""
-        if self.risk is None:
+        if self.merit is None:
             return np.arange(len(self.designs))
         # Trials of impossible designs exist only if too few others were drawn.
         score = self._score(self.designs) + np.where(self.possible, 0.0, 1e6)
-        return np.argsort(np.where(np.isfinite(self.values), score, np.inf), kind="stable")
+        unanswered = [runs.is_unanswered.all() for runs in self.runs]
+        return np.argsort(np.where(unanswered, np.inf, score), kind="stable")
 
     def next(self, count: int, apart: float) -> np.ndarray:
         """Return designs (m, 3) of smallest trend for the next trials, at most `count`, at a distance from
         each other and from all earlier ones."""
         space, self._turn = self.problem.space, self._turn + 1
         rng = np.random.default_rng([self.problem.seed, 12, self._turn])
-        if self.risk is None:
+        if self.merit is None:
             return space.sample(rng, count)
         x = self._proposals(rng)
         x = x[np.argsort(self._score(x), kind="stable")[:_MOST_CHECKED]]
@@ -274,7 +305,7 @@ class Refinement:
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= 0.0]
             # The first comparison only corrects the trends, before which the choice would be one of chance.
             if kept and turn:
-                return min(kept, key=lambda c: c.value).design
+                return min(kept, key=lambda c: c.merit).design
         every = self._eligible(rejected)
         return min(every, key=self._excess_of).design if every else None
 
@@ -283,7 +314,7 @@ class Refinement:
         runs = self.problem.trial_runs(design, self.problem.run_seed(3, 0), Terms.nonlinear.value)
         # The rests are compared by the linear equations only, which have the same runs without a pendulum.
         sizes = self._sizes_of(design, runs, 0.0)
-        self.compared.append(Compared(design, self.problem.value_of(runs), sizes))
+        self.compared.append(Compared(design, self.merit_of(runs), sizes))
 
     def _excess_of(self, c: Compared) -> float:
         """Return the largest logarithm of a limited quantity over its limit in the runs of a comparison."""
@@ -313,14 +344,49 @@ class Refinement:
         """Learn from the validation runs of a rejected design by how much the comparisons underestimate the
         limited quantities."""
         for name, x in self._sizes_of(design, runs, 0.0).items():
+            # The validation has more weight than the comparison that found the limit kept.
             if x > 0.0:
                 self.margin[name] = self.margin.get(name, 0.0) + x
 
     def promises(self, share: float) -> bool:
-        """Return whether the trend of a trial that keeps the limits is at most a share of the risk without a
+        """Return whether the trend of a trial that keeps the limits is at most a share of the merit without a
         pendulum, as far as the trend is known."""
-        trials = self.trials()
-        return self.risk is None or bool(np.any(trials.trend[trials.feasible] <= share * self.without))
+        if self.merit is None:
+            return True
+        pool = self._pool(())[:1]
+        return bool(np.any(self.merit.at(self.at(pool))[0] <= share * self.merit_of(self.without)))
+
+    def wider_bounds(self, design: np.ndarray) -> tuple[WiderBound, ...]:
+        """Return what wider bounds would bring, for each bound of the space on which a design lies."""
+        out, space = list[WiderBound](), self.problem.space
+        for column, side in space.bounds_at(design).items():
+            wider, bound = space.beyond(column, side), space.ends[side, column]
+            if self.merit is None or (end := wider.ends[side, column]) == bound:
+                continue
+            there = replace(
+                self,
+                problem=replace(self.problem, space=wider),
+                total=len(self.designs) + 2 * _BATCH,
+                designs=self.designs.copy(),
+                runs=self.runs.copy(),
+                sizes=self.sizes.copy(),
+                fixed=self.fixed.copy(),
+            )
+            # The trials beyond the bound must not change the answer, only this remark on it.
+            there.fit()
+            for _ in range(2):
+                there.evaluate(there.next(_BATCH, _APART[0]))
+            trials = there.trials()
+            assert trials.risk is not None
+            further = (trials.designs[:, column] - bound) * (-1.0, 1.0)[side] > 0.0
+            # Trials are in the order of their merit, so that the first one is the best.
+            rows = trials.feasible & further
+            gain = np.nan
+            if rows.any():
+                here = float(trials.risk.at(there.at(design[None]))[0][0])
+                gain = max(here - float(trials.trend[rows][0]), 0.0)
+            out.append(WiderBound(column=column, bound=float(bound), wider=float(end), gain=gain))
+        return tuple(out)
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the
@@ -329,12 +395,12 @@ class Refinement:
         Their trend exceeds the trend of the design by at most two standard deviations, and they keep the
         limits.
         """
-        if self.risk is None:
+        if self.merit is None:
             return None
-        trend, deviation = (float(v[0]) for v in self.risk.at(self.at(design[None])))
+        trend, deviation = (float(v[0]) for v in self.merit.at(self.at(design[None])))
         x = self._proposals(np.random.default_rng([self.problem.seed, 14]))
         # Two standard deviations: the trials cannot distinguish such designs.
-        good = x[(self.risk.at(self.at(x))[0] <= trend + 2.0 * deviation) & (self.excess(x) <= 0.0)]
+        good = x[(self.merit.at(self.at(x))[0] <= trend + 2.0 * deviation) & (self.excess(x) <= 0.0)]
         equivalent = np.concatenate([design[None], good[self.problem.possible(good)]])
         return np.stack([equivalent.min(axis=0), equivalent.max(axis=0)])
 
@@ -343,24 +409,27 @@ class Refinement:
         order, designs, names = self.order(), np.array(self.designs), tuple(self.fixed)
         sizes = np.column_stack([np.empty((len(designs), 0)), *self.fixed.values()])
         for column, name in zip(sizes.T, names, strict=True):
-            np.maximum(column, [np.exp(s.get(name, -np.inf)) for s in self.sizes], out=column)
+            by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf)) for s in self.sizes]
+            np.maximum(column, by_runs, out=column)
         # If no trend could be fitted, only the validation can show whether a design keeps the limits.
-        feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.risk is None))
-        feasible &= np.isfinite(sizes).all(axis=1) | (self.risk is None)
-        trend = np.full(len(designs), np.nan) if self.risk is None else self.risk.at(self.at(designs))[0]
+        feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.merit is None))
+        feasible &= np.isfinite(sizes).all(axis=1) | (self.merit is None)
+        value = np.array([self.problem.value_of(runs) for runs in self.runs])
+        risk = self._trend_of(value.tolist())
+        trend = np.full(len(designs), np.nan) if risk is None else risk.at(self.at(designs))[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         overturned, unanswered, runs = np.array(counts, dtype=float).T
         return Trials(
             designs=designs[order],
-            value=self.values[order],
+            value=value[order],
             trend=trend[order],
             names=names,
             sizes=sizes[order],
             overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
             undecided=unanswered.astype(int)[order],
             feasible=feasible[order],
-            without_pendulum=self.without,
-            risk=self.risk,
+            without_pendulum=self.problem.value_of(self.without),
+            risk=risk,
             # A spline with a constant added to all values is the spline plus this constant.
             limits={n: replace(t, values=t.values + self._shift(n)) for n, t in self.limits.items()},
         )

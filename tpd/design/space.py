@@ -146,6 +146,21 @@ class DesignSpace:
         """Lower and upper bounds of the parameters that the search varies, shape (2, len(names))."""
         return self.ends[:, self.searched]
 
+    def bounds_at(self, design: np.ndarray) -> dict[int, int]:
+        """Return the columns of (mu, lam, zeta) of a design (3,) that lie on a bound, with 0 for the lower
+        and 1 for the upper bound."""
+        # A design within a hundredth of the range counts as on the bound.
+        shares = dict(zip(self.searched.tolist(), self.scaled(design).tolist(), strict=True))
+        return {i: int(x > 0.5) for i, x in shares.items() if not 0.01 < x < 0.99}
+
+    def beyond(self, column: int, side: int) -> DesignSpace:
+        """Return the space with one bound further out by a factor of two, as far as a pendulum allows."""
+        name = (*TWINS.values(), "damping_ratio")[column]
+        # The largest range of a pendulum also limits a wider space.
+        ends = self.ends[:, column].tolist()
+        ends[side] = float(np.clip(ends[side] * (0.5, 2.0)[side], *_RANGES[name]))
+        return self.with_ratios(**{name: tuple(ends)})
+
     def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Draw designs (mu, lam, zeta) by a Latin hypercube, shape (count, 3)."""
         return self.unscaled(latin_hypercube(rng, count, len(self.names)))

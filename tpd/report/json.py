@@ -24,7 +24,15 @@ from tpd.report import words
 from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
 
-_DESIGN = "equivalent", "benefit", "overturning_reduction", "conditions", "space", "seed"
+_DESIGN = (
+    "equivalent",
+    "wider_bounds",
+    "benefit",
+    "overturning_reduction",
+    "conditions",
+    "space",
+    "seed",
+)
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
