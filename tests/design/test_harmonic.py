@@ -114,14 +114,14 @@ def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
     assert set(made.sizes_in_runs(DESIGN, runs)) == {"clearance", "thickness", "depth"}
 
 
-def test_candidates_are_ends_designs_of_paths_and_designs_of_the_whole_space():
+def test_candidates_are_ends_of_descents_and_designs_of_the_whole_space():
     few = tpd.Descent(searches=2, screening=16, steps=2, finish=1, model=tpd.Piecewise())
     conditions = tpd.Conditions.scatter(66, 0, friction=0.1)
     made = problem(space=WIDE, conditions=conditions, method=few, **POINT)
     designs, found = made.candidates(unreported)
     assert found.description.endswith(" under 64 of the 66 conditions")
     np.testing.assert_array_equal(designs[: len(found.confirmed)], found.confirmed)
-    assert len(designs) == len(found.confirmed) + 48
+    assert len(designs) == len(found.confirmed) + 40
     low, high = WIDE.bounds
     assert np.all((designs >= low - 1e-12) & (designs <= high + 1e-12))
 

@@ -126,7 +126,8 @@ def test_a_rejected_design_moves_the_next_one_inside_the_limit():
     first = best_of(here)
     here.learn(first, outcomes([0.3] * 64, 0.55, design=first))
     second = best_of(here, first)
-    assert SPACE.scaled(first)[0] - SPACE.scaled(second)[0] == pytest.approx(np.log(1.1), abs=0.04)
+    # The comparison has found the limit kept by as many runs, so that half of the excess counts.
+    assert SPACE.scaled(first)[0] - SPACE.scaled(second)[0] == pytest.approx(0.5 * np.log(1.1), abs=0.03)
 
 
 def test_runs_without_an_answer_are_counted_and_change_no_estimate():
@@ -268,24 +269,24 @@ def test_the_search_reduces_what_the_verdict_compares(reduce, length):
 
 
 def test_trials_beyond_a_bound_show_the_effect_of_a_wider_bound():
-    """The minimum of the tilt is at 0.6 of the range of mu, of which only the first half is allowed."""
-    half = SPACE.unscaled(np.array([0.5, 0.0, 0.0]))[0]
-    space: Any = dataclasses.replace(SPACE, mass_ratio=(float(SPACE.ends[0, 0]), float(half)))
+    """The minimum of the tilt is at 0.6 of the range of mu, of which only the first part is allowed."""
+    part, twice = SPACE.unscaled(np.array([[0.3, 0.0, 0.0]]))[0, 0], 0.3 + np.log(2.0) / np.log(20.0)
+    space: Any = dataclasses.replace(SPACE, mass_ratio=(float(SPACE.ends[0, 0]), float(part)))
 
-    class Half(NoisyProblem):
+    class Part(NoisyProblem):
         def candidates(self, progress):
             return self.space.sample(np.random.default_rng(0), 24), None
 
-    here = refined(Half(**(NoisyProblem.of(limits=()).inputs | {"space": space})))
-    best = best_of(here)
-    (wider,) = here.wider_bounds(best)
-    assert (wider.column, wider.bound) == (0, pytest.approx(half))
-    assert wider.wider == pytest.approx(2.0 * half)
-    assert wider.gain == pytest.approx(0.5 * 0.1**2, abs=0.004)
-    assert str(wider) == f"a bound of {2.0 * half:.3g} would lower the mean tilt by less than 1 point"
-    assert here.wider_bounds(SPACE.unscaled(np.array([0.3, 0.5, 0.4]))) == ()
+    here = refined(Part(**(NoisyProblem.of(limits=()).inputs | {"space": space})))
+    at_bound = space.unscaled(np.array([1.0, 0.5, 0.4]))
+    (wider,) = here.wider_bounds(at_bound)
+    assert (wider.column, wider.bound) == (0, pytest.approx(part))
+    assert wider.wider == pytest.approx(2.0 * part)
+    assert wider.gain == pytest.approx(0.5 * (0.3**2 - (0.6 - twice) ** 2), abs=0.015)
+    assert str(wider).startswith(f"a bound of {2.0 * part:.3g} would lower the mean tilt by ")
+    assert here.wider_bounds(SPACE.unscaled(np.array([0.15, 0.5, 0.4]))) == ()
     # The trials beyond the bound are none of the search.
-    assert here.trials().designs[:, 0].max() <= half
-    stroke = refined(Half(**(NoisyProblem.of(limits=(tpd.limits.Stroke(0.48),)).inputs | {"space": space})))
-    (wider,) = stroke.wider_bounds(space.unscaled(np.array([1.0, 0.5, 0.4])))
+    assert here.trials().designs[:, 0].max() <= part
+    stroke = refined(Part(**(NoisyProblem.of(limits=(tpd.limits.Stroke(0.41),)).inputs | {"space": space})))
+    (wider,) = stroke.wider_bounds(at_bound)
     assert str(wider).endswith("no design keeps the limits")

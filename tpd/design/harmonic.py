@@ -42,7 +42,7 @@ from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
 
-TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 192, 2048, 50
+TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 192, 1024, 50
 """Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
 _COMPARED = 256
 """Number of paired runs of the linear equations for comparisons with changed scenes."""
@@ -50,7 +50,7 @@ _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCHED = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
-_SPREAD, _DRAWN = 48, 1024
+_SPREAD, _DRAWN = 40, 512
 """Number of candidates from the whole space, and number of designs that are drawn to select them."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""

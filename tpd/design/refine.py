@@ -44,6 +44,9 @@ number of comparisons."""
 _SAFE = 0.6
 """Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
 runs."""
+_NOISE = 0.01
+"""Margin of the logarithm of a limited quantity. Without it half of the designs at a limit would exceed it in
+the comparison."""
 _LEAST_RUNS = 4
 """Smallest number of standing runs that determine a limited quantity."""
 _RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
@@ -235,7 +238,7 @@ class Refinement:
         if not np.isfinite(size).any():
             return margin
         trend = self.limits[name].at(self.at([c.design for c in others]))[0]
-        return margin + float(np.nanmean(size - trend))
+        return margin + _NOISE + float(np.nanmean(size - trend))
 
     def _score(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
         """Return numbers that order designs: those within the limits by their trend, then the others by their
@@ -344,9 +347,9 @@ class Refinement:
         """Learn from the validation runs of a rejected design by how much the comparisons underestimate the
         limited quantities."""
         for name, x in self._sizes_of(design, runs, 0.0).items():
-            # The validation has more weight than the comparison that found the limit kept.
+            # The comparison has found the limit kept by as many runs: the truth is in the middle.
             if x > 0.0:
-                self.margin[name] = self.margin.get(name, 0.0) + x
+                self.margin[name] = self.margin.get(name, 0.0) + 0.5 * x
 
     def promises(self, share: float) -> bool:
         """Return whether the trend of a trial that keeps the limits is at most a share of the merit without a
@@ -366,7 +369,7 @@ class Refinement:
             there = replace(
                 self,
                 problem=replace(self.problem, space=wider),
-                total=len(self.designs) + 2 * _BATCH,
+                total=len(self.designs) + _BATCH,
                 designs=self.designs.copy(),
                 runs=self.runs.copy(),
                 sizes=self.sizes.copy(),
@@ -374,8 +377,7 @@ class Refinement:
             )
             # The trials beyond the bound must not change the answer, only this remark on it.
             there.fit()
-            for _ in range(2):
-                there.evaluate(there.next(_BATCH, _APART[0]))
+            there.evaluate(there.next(_BATCH, _APART[0]))
             trials = there.trials()
             assert trials.risk is not None
             further = (trials.designs[:, column] - bound) * (-1.0, 1.0)[side] > 0.0

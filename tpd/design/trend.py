@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import RBFInterpolator
 
-_SMOOTHINGS = 1e-3, 1e-2, 0.1, 1.0, 10.0
+_SMOOTHINGS = 1e-3, 0.03, 1.0
 """Weights of the curvature of the spline that are tried."""
 
 
