@@ -44,7 +44,7 @@ number of comparisons."""
 _SAFE = 0.6
 """Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
 runs."""
-_NOISE = 0.01
+_NOISE = 0.005
 """Margin of the logarithm of a limited quantity. Without it half of the designs at a limit would exceed it in
 the comparison."""
 _LEAST_RUNS = 4
@@ -303,7 +303,7 @@ class Refinement:
                 # The comparison has shown by how much the trends of the limits are wrong.
                 self.evaluate(new)
             for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
-                self.progress("comparing", len(self.compared) + 1, sum(_FEW))
+                self.progress("comparing", done := len(self.compared) + 1, max(done, sum(_FEW)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= 0.0]
             # The first comparison only corrects the trends, before which the choice would be one of chance.
