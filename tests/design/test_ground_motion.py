@@ -217,12 +217,12 @@ def test_few_records_keep_the_clearance(count, scales):
     assert found.usage["clearance"] < 1.0
 
 
-def test_a_trial_has_at_least_64_runs_if_the_blocks_vary():
+def test_a_trial_has_at_least_192_runs_if_the_blocks_vary():
     made = problem(RECORDS[:4], validation_share=0.0)
     found = made.trial_runs(DESIGN, 0)
-    assert len(found.nu) == 72
-    assert len(np.unique(found.nu)) == 72
-    np.testing.assert_array_equal(np.bincount(found.condition.astype(int)), 18)
+    assert len(found.nu) == 192
+    assert len(np.unique(found.nu)) == 192
+    np.testing.assert_array_equal(np.bincount(found.condition.astype(int)), 48)
 
 
 @pytest.mark.parametrize("names", ["named", "nameless", "groups"])

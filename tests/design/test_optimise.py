@@ -79,8 +79,8 @@ def test_no_stage_shares_runs_with_another():
 def test_the_next_design_is_no_neighbour_of_a_rejected_one(count, validated, status):
     found = solve_problem(harmful(count))
     assert (found.status.name, len(found.validated)) == (status, validated)
-    units = SPACE.scaled(np.array([v.design for v in found.validated]))
-    apart = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(validated)
+    at = SPACE.logarithms(np.array([v.design for v in found.validated]))
+    apart = np.linalg.norm(at[:, None] - at, axis=-1) + np.eye(validated)
     assert apart.min() > 0.02
     rejected = [v for v in found.validated if v.reasons]
     assert {r.kind for v in rejected for r in v.reasons} == {ReasonKind.overturns_more}

@@ -377,7 +377,8 @@ class Refinement:
             )
             # The trials beyond the bound must not change the answer, only this remark on it.
             there.fit()
-            there.evaluate(there.next(_BATCH, _APART[0]))
+            if len(new := there.next(_BATCH, _APART[0])):
+                there.evaluate(new)
             trials = there.trials()
             assert trials.risk is not None
             further = (trials.designs[:, column] - bound) * (-1.0, 1.0)[side] > 0.0
