@@ -93,7 +93,7 @@ class HarmonicProblem(Problem):
     starts: Starts
     """Initial states of the search."""
     objective: Objective
-    """Quantity that the descents minimise. Trials and validation compare tilts."""
+    """Quantity that the descents minimise. Trials and validation compare what `requirements.reduce` states."""
     defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
         "risk": Risk.worst(),
         "limits": DEFAULT_LIMITS,

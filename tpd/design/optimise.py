@@ -81,9 +81,8 @@ def optimise(
         conditions: excitations for which the design must work; default `Conditions.around(scene)`.
         starts: initial states of the search. The default `Starts.any()` counts the largest motion that
             attracts. With `Starts.rest()` rest counts wherever the block can stay at rest.
-        risk: measure over the conditions that the descents reduce; default `Risk.worst()`. Trial runs and
-            validation compare mean tilts. Under ground motions the trial runs use the measure, by default
-            `Risk.expected()`.
+        risk: measure over the conditions that the descents reduce; default `Risk.worst()`. Under ground
+            motions there are no descents, and the trial runs use it, by default `Risk.expected()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`. `limits.POINT_BOB` has no walls.
         objective: quantity that the descents reduce under harmonic excitation; default the settled tilt,
             `limits.SteadyTilt()`.

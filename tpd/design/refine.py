@@ -404,7 +404,9 @@ class Refinement:
         x = self._proposals(np.random.default_rng([self.problem.seed, 14]))
         # Two standard deviations: the trials cannot distinguish such designs.
         good = x[(self.merit.at(self.at(x))[0] <= trend + 2.0 * deviation) & (self.excess(x) <= 0.0)]
-        equivalent = np.concatenate([design[None], good[self.problem.possible(good)]])
+        # The design itself comes first, and it may be the only one.
+        good = np.concatenate([design[None], good])
+        equivalent = good[self.problem.possible(good) | (np.arange(len(good)) == 0)]
         return np.stack([equivalent.min(axis=0), equivalent.max(axis=0)])
 
     def trials(self) -> Trials:

@@ -13,9 +13,10 @@ from tpd.core import checks
 class Risk:
     """Risk measure: the mean tilt over the worst `share` of the conditions.
 
-    Under harmonic excitation only the descents minimise it. The trial runs then compare designs by their mean
-    tilt over all runs, which is what the benefit states. Under ground motions there are no descents, and the
-    trial runs compare designs by the measure over all runs.
+    Under harmonic excitation only the descents minimise it, and the trial runs compare designs by a mean over
+    all runs. Under ground motions there are no descents, and the trial runs compare designs by the measure
+    over all runs. Trial runs apply it to the tilt, or, if overturning must fall, to the sum of a quarter of
+    the tilt and three quarters of the outcome (1 if the block overturns).
 
     Use `Risk.worst()`, `Risk.expected()` or `Risk.cvar(share)`. The field `share` is between 0 (only the
     worst condition) and 1 (all conditions); `name` is the name in reports.

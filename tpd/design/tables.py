@@ -226,8 +226,8 @@ class _Search(msgspec.Struct):
         Key("WORD", (), _SEVERAL, defaults={"pulse": "expected", "records": "expected"}),
     ] = "worst"
     """Risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under a
-    harmonic motion only the descents use it, and later stages compare mean tilts; under pulses and records
-    the trial runs compare designs by it (default expected)."""
+    harmonic motion only the descents use it; under pulses and records the trial runs compare designs by it
+    (default expected)."""
     risk_share: Annotated[float, Key(need=_CVAR)] = inspect.signature(Risk.cvar).parameters["share"].default
     """Share of the conditions that the measure cvar uses."""
     seed: Annotated[int, Key("N")] = 0
