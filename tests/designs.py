@@ -45,7 +45,15 @@ def outcomes(tilt, swing=0.0, peak=1.0, equations: str = "nonlinear", design=RAT
     swing = np.where(np.isfinite(tilt), swing, tilt)
     sizes = tilt * NU, swing, tilt * NU + swing
     angles = (peak * size if largest else size for size in sizes for largest in (True, False))
-    inputs = {"condition": 0.0, "ramp": 0.0, "nu": NU, "mu": design[0], "lam": design[1], "impacts": np.nan}
+    inputs = {
+        "condition": 0.0,
+        "growth": 0.0,
+        "disturbed": False,
+        "nu": NU,
+        "mu": design[0],
+        "lam": design[1],
+        "impacts": np.nan,
+    }
     return Runs(
         equations=Terms(equations),
         seed=seed,

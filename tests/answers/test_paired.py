@@ -33,13 +33,13 @@ def test_the_papers_block_is_safer_with_its_pendulum():
         assert found.benefit.low > 0.0
         assert found.table().startswith(f"{equations} equations")
     assert linear.with_pendulum.share_overturned.high < linear.without_pendulum.share_overturned.low
-    assert "starts over 2 s" in linear.table()
+    assert "after a disturbance" in linear.table()
     assert str(linear.without_pendulum.share_overturned) in linear.table()
     assert str(linear) == "\n".join([linear.table(), linear.benefit_in_words, linear.overturning_in_words])
     # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
     shares = (o.without_pendulum.share_overturned.value for o in (nonlinear, linear))
     assert abs(np.subtract(*shares)) < 0.15
-    for name in ("ramp", "nu"):
+    for name in ("growth", "nu"):
         with_it, without = (getattr(o, name) for o in (linear.with_pendulum, linear.without_pendulum))
         np.testing.assert_array_equal(with_it, without)
         np.testing.assert_array_equal(with_it, getattr(nonlinear.with_pendulum, name))
@@ -231,22 +231,25 @@ def test_a_group_is_worse_where_its_pairs_show_it():
     )
 
 
+KINDS = "from rest, sudden start", "from rest, growth over 10 periods"
+
+
 def test_a_pendulum_that_harms_after_sudden_starts_only_is_not_hidden_by_the_mean():
     """Half of the runs start suddenly. There the tilt rises from 0.4 to 0.5; it falls to 0.1 elsewhere."""
-    ramp = np.tile([0.0, 2.0], 256)
-    found = paired(np.where(ramp == 0.0, 0.5, 0.1), np.full(512, 0.4))
+    growth = np.tile([0.0, 10.0], 256)
+    found = paired(np.where(growth == 0.0, 0.5, 0.1), np.full(512, 0.4))
     assert len(found.parts) == 1
     assert not found.worse_parts
-    ramped = (dataclasses.replace(o, ramp=ramp) for o in (found.with_pendulum, found.without_pendulum))
-    found = dataclasses.replace(
-        found, **dict(zip(("with_pendulum", "without_pendulum"), ramped, strict=True))
-    )
+    grown = (dataclasses.replace(o, growth=growth) for o in (found.with_pendulum, found.without_pendulum))
+    found = dataclasses.replace(found, **dict(zip(("with_pendulum", "without_pendulum"), grown, strict=True)))
     assert found.benefit.mean == pytest.approx(0.25)
-    assert [part.label for part in found.parts] == ["condition 0", "sudden starts", "starts over 2 s"]
+    assert [part.label for part in found.parts] == ["condition 0", *KINDS]
     (worse,) = found.worse_parts
-    assert (worse.label, int(worse.rows.sum())) == ("sudden starts", 256)
+    assert (worse.label, int(worse.rows.sum())) == (KINDS[0], 256)
     assert (worse.with_pendulum, worse.without_pendulum) == pytest.approx((0.5, 0.4))
-    assert found.summary()["worse_groups"] == ["sudden starts"]
+    # The pendulum helps only after the slow start.
+    assert [part.label for part in found.starts_without_benefit] == [KINDS[0]]
+    assert found.summary()["worse_groups"] == [KINDS[0]]
 
 
 @pytest.mark.parametrize(

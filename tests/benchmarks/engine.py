@@ -45,14 +45,14 @@ def describe(x: jax.Array) -> tuple:
 
 def scenes_of_runs() -> dict[str, tuple[tpd.Scene, tpd.Pendulum, tuple[float, ...]]]:
     """The chimney, the paper's block, and that block with a pendulum with which most runs stick, each with
-    the seconds over which the shaking grows."""
+    the periods over which the shaking grows."""
     size = {"width": 1.3, "height": 10.0, "mass": 16_280.0, "cavity_width": 0.9, "radius_of_gyration": 2.92}
     sway, own = tpd.Harmonic(frequency=0.85, amplitude=0.081), tpd.paper_scene()
     chimney = tpd.Scene(tpd.Block(**size, restitution="housner"), sway)
     return {
-        "chimney": (chimney, tpd.Pendulum(mass=532.0, length=0.51, damping_ratio=0.2), (0.0, 2.0)),
-        "paper's block": (own, tpd.Pendulum(mass=1.6, length=0.04, damping_ratio=0.1), (0.0, 2.0)),
-        "sticking": (own, tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1), (2.0,)),
+        "chimney": (chimney, tpd.Pendulum(mass=532.0, length=0.51, damping_ratio=0.2), (0.0, 10.0)),
+        "paper's block": (own, tpd.Pendulum(mass=1.6, length=0.04, damping_ratio=0.1), (0.0, 10.0)),
+        "sticking": (own, tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1), (10.0,)),
     }
 
 
@@ -96,10 +96,10 @@ def run(quick: bool) -> list[dict[str, Any]]:
     many, scene = (200 if quick else 10_000), tpd.paper_scene()
     tpd.outcomes(scene, ensemble=tpd.Ensemble(size=50, seed=1))
     note(ENSEMBLE, many, timed(lambda: tpd.outcomes(scene, ensemble=tpd.Ensemble(size=many, seed=SEED))))
-    for name, (scene, pendulum, ramps) in scenes_of_runs().items():
-        ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, ramps=ramps)
-        p, y0, begin, ramp, _ = plan(parameters_of(scene, pendulum), ensemble, float(scene.rate))
-        forcing = HarmonicForcing(50, begin=begin, ramp=ramp)
+    for name, (scene, pendulum, growth) in scenes_of_runs().items():
+        ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, growth=growth)
+        runs = plan(parameters_of(scene, pendulum), ensemble)
+        p, y0, forcing = runs.p, runs.y0, HarmonicForcing(50, begin=runs.begin, ramp=runs.growth)
         for equations in tpd.Terms.linear, tpd.Terms.nonlinear:
             work = partial(follow, equations, row_of(p), forcing, y0=y0, workers=1)
             what = PERIOD.format(equations=equations.value, scene=name)

@@ -131,7 +131,7 @@ job conditions.amplitudes = [] | [conditions] `amplitudes` must contain at least
 job search.risk_share = 0.2 | `search.risk_share` requires `search.risk` cvar, which this job does not have
 job search.risk = 'cvar'; search.risk_share = 0 | [search] `risk_share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
-job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
+job ensemble.growth = [-1.0] | [ensemble] `growth` must be zero or positive, and finite, but is -1
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
 job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
 job ensemble.restitution = 0.1 | [ensemble] `restitution` can vary only if it is a number

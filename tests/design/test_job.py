@@ -59,7 +59,7 @@ JOBS = {
     "requirements": {
         "requirements": {"at_least": 0.2, "reduce": "tilt", "worse": 0.0, "wall_contacts": 0.05}
     },
-    "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
+    "ensemble": {"ensemble": {"size": 64, "growth": [1.0], "any_phase": False, "damping": 0.1}},
     "held out": {"excitation": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
     "scaled": {"excitation": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
     "pulse": {

@@ -102,7 +102,7 @@ CASES = {
     "space in SI units": {"space": tpd.DesignSpace(mass=(0.5, 2.0), length=(0.05, 0.3))},
     "requirements": {
         "requirements": limits.Requirements(at_least=0.2, reduce="tilt", wall_contacts=0.05),
-        "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
+        "ensemble": tpd.Ensemble(size=64, growth=(1.0,)),
     },
 }
 

@@ -37,21 +37,20 @@ class Plan(NamedTuple):
     """Initial states, shape (size, 4)."""
     begin: np.ndarray
     """Dimensionless times at which the runs begin."""
-    periods: np.ndarray
+    growth: np.ndarray
     """Number of forcing periods over which the excitation grows."""
-    ramp: np.ndarray
-    """Duration over which the excitation grows: s, or units of tau if time has no unit."""
+    disturbed: np.ndarray
+    """Whether each run begins with a disturbance."""
     condition: np.ndarray
     """Index of the condition of each run."""
 
 
-def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Plan:
+def plan(p: Parameters, ensemble: Ensemble, conditions: Conditions | None = None) -> Plan:
     """Return the inputs of the runs of an ensemble for one design.
 
     Args:
         p: dimensionless parameters, plain numbers.
         ensemble: spreads of the runs.
-        rate: omega0 in rad/s, if the durations of growth are in seconds.
         conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
             default the condition of the scene.
     """
@@ -59,7 +58,8 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # of static overturning.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
-    # The first six columns of the samples are initial state, phase and growth; the others are the scatter.
+    # The first six columns of the samples are disturbance, phase and kind of start. The others are the
+    # scatter.
     scatter = factors_at(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
     # The conditions have equal numbers of runs (up to one), in random order.
@@ -73,15 +73,12 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
     # The phase is varied by the time at which a run begins. With a fixed phase all runs begin at tau = 0.
-    *state, phase, choice = unit.T[:6]
+    *state, phase, kind = unit.T[:6]
     begin = phase * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
-    ramps = np.array(e.ramps)
-    # A uniform sample selects one of the durations of growth.
-    ramp = ramps[np.minimum((choice * len(ramps)).astype(int), len(ramps) - 1)]
+    growth, disturbed = e.starts(kind)
     # Samples from 0 to 1 become initial states from -reach to reach.
-    return Plan(
-        q, (2.0 * np.stack(state, axis=1) - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp, dealt
-    )
+    y0 = np.where(disturbed[:, None], (2.0 * np.stack(state, axis=1) - 1.0) * reach, 0.0)
+    return Plan(q, y0, begin, growth, disturbed, dealt)
 
 
 def outcomes(
@@ -133,11 +130,10 @@ def outcomes(
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     checks.optional("conditions", conditions, Conditions)
-    # Durations of growth are in seconds for a scene, and in units of tau for dimensionless parameters.
-    rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
-    runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
-    forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.periods)
-    inputs = {"condition": runs.condition, "ramp": runs.ramp, "seed": ensemble.seed or 0}
+    runs = plan(parameters_of(subject, pendulum), ensemble, conditions)
+    forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.growth)
+    inputs = {"condition": runs.condition, "growth": runs.growth, "disturbed": runs.disturbed}
+    inputs["seed"] = ensemble.seed or 0
     with shown_count(progress, "following") as report:
         where = {"workers": workers, "cluster": cluster, "progress": report}
         return follow_runs(terms, row_of(runs.p), forcing, y0=runs.y0, rtol=rtol, **inputs, **where)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, outcomes
-from tpd.answers.run_table import UNANSWERED_ROW, Runs, label_of_ramp
+from tpd.answers.run_table import UNANSWERED_ROW, Runs
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
@@ -93,7 +93,7 @@ class Overturned(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Runs of one condition, of one group of ground motions, or of one duration of growth."""
+    """Runs of one condition, of one group of ground motions, or of one kind of start."""
 
     label: str
     """Name of the part."""
@@ -105,6 +105,10 @@ class Part(NamedTuple):
     """Mean severity without the pendulum; NaN if the part has no run."""
     is_worse: bool
     """Whether the mean severity with the pendulum is significantly higher, by more than the allowed share."""
+    is_start: bool
+    """Whether the part is a kind of start. A pendulum must help after every kind of start."""
+    is_better: bool
+    """Whether the mean severity is significantly lower with the pendulum."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -314,14 +318,17 @@ class PairedRuns(Printed):
     def overturns_more(self) -> Overturned | None:
         """Group of runs of which significantly more overturn with the pendulum, or None.
 
-        The comparison of all runs uses McNemar's test if they are independent, otherwise the interval between
-        earthquakes. Under earthquakes each part is compared as well.
+        The comparison uses McNemar's test if the runs are independent, and compares each kind of start as
+        well. Under earthquakes it uses the interval between them, and compares each part as well.
         """
         if self.cluster is None:
             # Independent runs: only those with different outcomes count, see `chance_of`.
-            worse, better = self.only
-            is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
-            return Overturned("", worse, better, int(self.is_answered.sum())) if is_harm else None
+            starts = ((part.label, part.rows) for part in self.parts if part.is_start)
+            for label, rows in (("", self.is_answered), *starts):
+                worse, better = self._only(rows)
+                if worse > better and chance_of(worse, better) < SIGNIFICANT:
+                    return Overturned(label, worse, better, int(rows.sum()))
+            return None
         # Under earthquakes the interval of the difference accounts for runs of the same earthquake. An
         # increase in one part may be hidden in the sum, so that each part is tested as well.
         overturned = [runs.is_overturned.astype(float) for runs in self._cases]
@@ -332,15 +339,14 @@ class PairedRuns(Printed):
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Runs of each group and, if the excitation grows over several durations, of each duration.
+        """Runs of each group and, if the runs have several kinds of start, of each kind.
 
         The benefit is a mean over all runs. This mean could hide a pendulum that helps if the excitation
         grows slowly and harms if it begins suddenly.
         """
-        ramps = np.unique(self.with_pendulum.ramp)
-        selections = [(label, self.group == i) for i, label in enumerate(self.labels)]
-        if len(ramps) > 1:
-            selections += [(label_of_ramp(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
+        selections = [(label, self.group == i, False) for i, label in enumerate(self.labels)]
+        if len(starts := self.with_pendulum.starts) > 1:
+            selections += [(label, rows, True) for label, rows in starts.items()]
         # A part is worse if its pairs show at 5 % that the mean increases by more than the allowed share. One
         # chaotic run alone cannot show this.
         # The term with `LEAST` is the allowance where the block is nearly at rest without the pendulum.
@@ -348,11 +354,14 @@ class PairedRuns(Printed):
         excess = self.severity[0] - (1.0 + self.worse) * self.severity[1] - LEAST * self.worse
         least = -1.0 - self.worse * (1.0 + LEAST)
         parts = list[Part]()
-        for label, of_part in selections:
+        for label, of_part, is_start in selections:
             rows = self.is_answered & of_part
+            is_better = is_positive(
+                self.severity[1][rows] - self.severity[0][rows], -1.0, self._clusters(rows)
+            )
             is_worse = is_positive(excess[rows], least, self._clusters(rows))
             with_pendulum, without = (_size_of(np.mean, x[rows]) for x in self.severity)
-            parts.append(Part(label, rows, with_pendulum, without, is_worse))
+            parts.append(Part(label, rows, with_pendulum, without, is_worse, is_start, is_better))
         return tuple(parts)
 
     @cached_property
@@ -360,6 +369,14 @@ class PairedRuns(Printed):
         """Parts that are worse with the pendulum, the one with the largest increase first."""
         worse = (part for part in self.parts if part.is_worse)
         return tuple(sorted(worse, key=lambda part: part.without_pendulum - part.with_pendulum))
+
+    @property
+    def starts_without_benefit(self) -> tuple[Part, ...]:
+        """Kinds of start after which the block rocks without the pendulum, and not significantly less with
+        it."""
+        # A mean severity below `LEAST` leaves nothing to reduce.
+        starts = (part for part in self.parts if part.is_start and part.without_pendulum >= LEAST)
+        return tuple(part for part in starts if not part.is_better)
 
     @property
     def rests_less(self) -> bool:

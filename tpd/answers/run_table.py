@@ -53,7 +53,8 @@ class Runs(Printed, Tabular):
         equations: equations of the runs.
         seed: seed of the ensemble.
         condition: index of the condition, or of the ground motion.
-        ramp: duration over which the excitation grows, s or units of tau.
+        growth: number of periods over which the excitation grows.
+        disturbed: whether the run begins with a disturbance, and not at rest.
         nu, mu, lam: slenderness, mass ratio and length ratio.
         tilt, settled_tilt: largest and settled |phi|.
         swing, settled_swing: largest and settled |psi|.
@@ -69,8 +70,10 @@ class Runs(Printed, Tabular):
     """Seed of the ensemble."""
     condition: np.ndarray
     """Index of the condition, or of the ground motion, of each run."""
-    ramp: np.ndarray
-    """Duration (s, or units of tau) over which the excitation grows."""
+    growth: np.ndarray
+    """Number of periods over which the excitation grows; 0 under a ground motion."""
+    disturbed: np.ndarray
+    """Whether each run begins with a disturbance, and not at rest."""
     nu: np.ndarray
     """Slenderness of the block in each run, including its scatter."""
     mu: np.ndarray
@@ -151,13 +154,17 @@ class Runs(Printed, Tabular):
         answered = ~self.is_unanswered
         return Share.of(hits[answered], None if self.cluster is None else self.cluster[answered])
 
-    def share_by_ramp(self) -> dict[float, Share]:
-        """Return the share of overturned runs for each duration over which the excitation grows."""
-        # Runs with the same duration of growth form one group.
-        answered = ~self.is_unanswered
-        return {
-            float(r): Share.of(self.is_overturned[answered & (self.ramp == r)]) for r in np.unique(self.ramp)
-        }
+    @property
+    def starts(self) -> dict[str, np.ndarray]:
+        """Whether each run has a kind of start, by the label of the kind: from rest by the growth of the
+        excitation, then after a disturbance."""
+        at_rest = ~self.disturbed
+        kinds = {label_of_growth(x): at_rest & (self.growth == x) for x in np.unique(self.growth[at_rest])}
+        return kinds | ({DISTURBED: self.disturbed} if self.disturbed.any() else {})
+
+    def share_by_start(self) -> dict[str, Share]:
+        """Return the share of overturned runs for each kind of start."""
+        return {label: self.of(rows).share_overturned for label, rows in self.starts.items()}
 
     def quantiles(self, angle: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Return quantiles of one of the angles of `tpd.answers.run_table.ANGLES`.
@@ -209,9 +216,9 @@ class Runs(Printed, Tabular):
     def rows(self) -> list[tuple[str, str]]:
         """Return the rows of a table: a label, and a share or quantiles as text."""
         out = [("overturned", str(self.share_overturned))]
-        out += [
-            (f"  {label_of_ramp(r)}", f"{100.0 * x.value:.1f} %") for r, x in self.share_by_ramp().items()
-        ]
+        # Ground motions have a single kind of start.
+        if len(self.starts) > 1:
+            out += [(f"  {kind}", f"{100.0 * x.value:.1f} %") for kind, x in self.share_by_start().items()]
         # The report shows the same rows.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
@@ -254,9 +261,13 @@ def cases_of(pendulum: Pendulum | None) -> tuple[Pendulum | None, ...]:
     return (None,) if pendulum is None else (None, pendulum)
 
 
-def label_of_ramp(ramp: float) -> str:
-    """Return a label for the runs in which the excitation grows over `ramp` seconds."""
-    return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
+DISTURBED = "after a disturbance"
+"""Label of the runs that do not begin at rest."""
+
+
+def label_of_growth(periods: float) -> str:
+    """Return a label for the runs from rest in which the excitation grows over some periods."""
+    return "from rest, sudden start" if periods == 0.0 else f"from rest, growth over {periods:g} periods"
 
 
 def follow_runs(
@@ -269,7 +280,8 @@ def follow_runs(
     rtol: checks.Real = 1e-8,
     brief: bool = False,
     condition: Any = 0,
-    ramp: Any = 0.0,
+    growth: Any = 0.0,
+    disturbed: Any = False,
     seed: int = 0,
     workers: checks.Whole | None = None,
     cluster: Cluster | None = None,
@@ -279,7 +291,7 @@ def follow_runs(
 
     Args:
         equations, rows, forcing, y0, events, rtol, brief: see `tpd.compiled.simulate.follow`; of n runs.
-        condition, ramp, seed: inputs of the runs that are only recorded in the table.
+        condition, growth, disturbed, seed: inputs of the runs that are only recorded in the table.
         workers: number of threads; all cores by default.
         cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished runs, number of all runs).
@@ -301,7 +313,8 @@ def follow_runs(
         if isinstance(forcing, GroundForcing):
             chunk = int(np.clip(_PIECES // max(map(len, forcing.records)), 128, 16_384))
         results = cluster.map("runs", _results, batch, shared, chunk=chunk, progress=progress)
-    inputs = {"condition": np.broadcast_to(condition, n), "ramp": np.broadcast_to(ramp, n)}
+    recorded = {"condition": condition, "growth": growth, "disturbed": disturbed}
+    inputs = {name: np.broadcast_to(x, n) for name, x in recorded.items()}
     # Slenderness and pendulum may scatter, so that the table records them for each run.
     design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM]}
     return Runs(equations=equations, seed=seed, **inputs, **design, **results)

@@ -173,7 +173,7 @@ _RENAMED = (
     "worth=requirements strikes=wall_contacts held_out=validation_share room=clearance file=out "
     "demand=risk measure=risk,reduce,search.risk risk=search.risk allowed=wall_contacts "
     "starts=designs,searches from_rest=simulate,starts.kind scale=factor sliding=base_friction "
-    "method=finish study=details "
+    "method=finish study=details ramps=growth ramp=growth "
     "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
     "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
     "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke motion=excitation"

@@ -93,7 +93,7 @@ class HarmonicProblem(Problem):
     starts: Starts
     """Initial states of the search."""
     objective: Objective
-    """Quantity that the descents minimise. Trials and validation compare what `requirements.reduce` states."""
+    """Quantity that the descents minimise. Trials and validation reduce what `requirements.reduce` states."""
     defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
         "risk": Risk.worst(),
         "limits": DEFAULT_LIMITS,
@@ -329,7 +329,9 @@ class HarmonicProblem(Problem):
 
     def _short(self, size: int, seed: int) -> Ensemble:
         """Return an ensemble of few runs over few periods, for comparisons by the linear equations."""
-        periods = min(TRIAL_PERIODS, self.ensemble.periods)
+        # The excitation must have its full size in at least half of the periods.
+        least = int(2.0 * max(self.ensemble.growth))
+        periods = min(max(TRIAL_PERIODS, least), self.ensemble.periods)
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:

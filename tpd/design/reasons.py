@@ -103,6 +103,10 @@ class ReasonKind(enum.Enum):
         "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, "
         "for {condition}{others}"
     )
+    no_benefit = (
+        "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, in the "
+        "runs {condition}: this is no significant reduction"
+    )
     rests_less = (
         "the block ends at rest in {value} of {total} runs with the pendulum, and in {reference} "
         "without it; a decrease by one tenth is allowed"
@@ -151,6 +155,8 @@ class Reason:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
                 return (self.low - self.value) / max(self.total, 1)
+            case ReasonKind.no_benefit:
+                return max(self.value - self.reference, 0.0)
             case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.slides:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit if math.isfinite(self.value):
@@ -173,8 +179,9 @@ class Reason:
     @property
     def _numbers(self) -> dict[str, str]:
         """Numbers of the sentence, with the digits that show on which side of the limit each of them is."""
-        kinds = ReasonKind.touches_wall, ReasonKind.worse_condition, ReasonKind.too_little_benefit
-        form, digits = (percent, 1) if self.kind in kinds else (number, 9)
+        counts = ReasonKind.overturns_more, ReasonKind.rests_less, ReasonKind.undecided
+        ratios = ReasonKind.slides, ReasonKind.breaks_limit
+        form, digits = (number, 9) if self.kind in (*counts, *ratios) else (percent, 1)
         digits = {ReasonKind.slides: 2, ReasonKind.breaks_limit: 3}.get(self.kind, digits)
         # A limited quantity is over its limit.
         limit = 1.0 if self.kind is ReasonKind.breaks_limit else self.reference

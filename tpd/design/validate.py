@@ -196,6 +196,11 @@ def _reasons(
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         add_reason(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
+    # The mean over all runs may hide a kind of start after which the pendulum does not help.
+    if runs.starts_without_benefit:
+        first = runs.starts_without_benefit[0]
+        where = {"condition": first.label}
+        add_reason(ReasonKind.no_benefit, first.with_pendulum, first.without_pendulum, **where)
     measure, required = requirements.reduce or runs.first_measure, requirements.at_least
     if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
         gain = runs.reduction(measure)[0]

@@ -280,7 +280,7 @@ class _Case:
 
     def plan(self, pendulum: Pendulum | None) -> Plan:
         """Return initial states and parameters of all runs."""
-        return plan(parameters_under(self.scene, pendulum), self.ensemble, float(self.scene.rate))
+        return plan(parameters_under(self.scene, pendulum), self.ensemble)
 
     def bodies(self, pendulum: Pendulum | None, steps: int) -> list[RigidBody]:
         """Return the bodies of all runs, including their scatter."""
@@ -339,7 +339,7 @@ class _Case:
             return (x, forcing), (lambda t: size * motion.acceleration_at(t)[None]), end, end
         w = np.broadcast_to(np.asarray(runs.p.xi, dtype=float), self.ensemble.size)[:few, None] * rate
         # Times in s, shape (runs, 1), so that they combine with the times of the steps.
-        begin, grow = runs.begin[:few, None] / rate, runs.periods[:few, None] * 2.0 * np.pi / w
+        begin, grow = runs.begin[:few, None] / rate, runs.growth[:few, None] * 2.0 * np.pi / w
 
         def shaking(t: np.ndarray) -> np.ndarray:
             # As in the ensemble, the excitation grows from tau = 0, and not from the beginning of a run.
@@ -349,7 +349,7 @@ class _Case:
 
         period = 2.0 * np.pi / w.ravel()
         end = self.ensemble.periods * period
-        forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
+        forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.growth)
         return (row_of(runs.p), forcing), shaking, end, end - _LAST * period
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.run_table import Runs, label_of_ramp
+from tpd.answers.run_table import Runs
 from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Details
 from tpd.design.design import Design
@@ -60,11 +60,10 @@ def over_runs(design: Design) -> list[Block]:
     worst = runs.change("worst severity")
     shares = (percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
     rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
-    # Ground motions have no ramp: they grow as recorded.
+    # All ground motions begin at rest, and grow as recorded.
     if runs.cluster is None:
-        for ramp in cases[0].share_by_ramp():
-            shares = (str(o.share_by_ramp()[ramp]) for o in cases)
-            rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
+        by_case = [o.share_by_start() for o in cases]
+        rows += [(f"overturned, {start}", *(str(by[start]) for by in by_case)) for start in by_case[0]]
     for name, of_level in design.problem.levels.items():
         shares = (str(o.of(of_level).share_overturned) for o in cases)
         rows.append((f"overturned, {name}", *shares))

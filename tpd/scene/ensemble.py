@@ -14,7 +14,6 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.scene.conditions import check_half_widths, check_reach, latin_hypercube
-from tpd.scene.ground_motion import LONGEST_FREE
 
 MOST_PERIODS = 10_000
 """Largest number of forcing periods of a run. After Ctrl-C the runs that have begun are completed."""
@@ -25,6 +24,8 @@ _SCATTERED = (
 """Names out of `FACTORS` of the quantities that vary in an ensemble, in the order of the random draws."""
 _RESTITUTION = 0.02
 """Default relative half width of e."""
+DISTURBANCE = "tilt", "tilt_rate", "swing", "swing_rate"
+"""Names of the fields with the ranges of a disturbance."""
 _DRAWS = 10, 1, 3
 """Number of columns that each random generator draws. A new generator for new columns leaves the earlier
 columns unchanged."""
@@ -39,15 +40,16 @@ class Ensemble:
     excitation begins suddenly at tau = 0, and all quantities have their nominal values.
 
     The fields are the number of runs (`size`), their `seed`, and the largest number of forcing `periods`; the
-    ranges of the initial state (`tilt`, `tilt_rate`, `swing`, `swing_rate`); the beginning of the excitation
-    (`any_phase`, and `ramps` in s); and the relative half widths of uncertain quantities.
+    share of the runs that begin with a disturbance (`disturbed`), and its ranges (`tilt`, `tilt_rate`,
+    `swing`, `swing_rate`); the beginning of the excitation (`any_phase`, and `growth` in periods); and the
+    relative half widths of uncertain quantities.
 
     Raises:
         ValueError: a number is out of range.
 
     Example:
         >>> import tpd
-        >>> ensemble = tpd.Ensemble(size=64, seed=1, ramps=(0.0,))
+        >>> ensemble = tpd.Ensemble(size=64, seed=1, growth=(0.0,))
         >>> ensemble.half_widths["friction"]
         0.2
     """
@@ -59,8 +61,11 @@ class Ensemble:
     periods: checks.Whole = 100
     """Largest number of forcing periods of a run. A run ends earlier if its motion repeats or the block
     overturns."""
+    disturbed: checks.Real = 0.25
+    """Share of the runs that begin with a disturbance: the block has a tilt and a rate, and the bob swings.
+    The other runs begin at rest, as a building does before the shaking."""
     tilt: checks.Real = 0.05
-    """Largest initial |phi|, as a share of nu."""
+    """Largest initial |phi| of a disturbance, as a share of nu."""
     tilt_rate: checks.Real = 0.05
     """Largest initial |phi'|, as a share of nu."""
     swing: checks.Real = 0.05
@@ -70,11 +75,11 @@ class Ensemble:
     any_phase: bool = True
     """Whether the excitation may begin at any phase. Otherwise it begins at a zero of the base
     acceleration."""
-    ramps: tuple[float, ...] = (0.0, 2.0)
-    """Durations (s) over which the excitation grows, distributed evenly over the runs; 0 is a sudden
-    beginning. (With dimensionless parameters the unit is that of tau.) The excitation grows linearly,
-    beginning at the last zero of the base acceleration before the start of the run. A run that starts at
-    another phase therefore starts with the share that is reached at this phase."""
+    growth: tuple[float, ...] = (0.0, 10.0)
+    """Numbers of forcing periods over which the excitation grows, distributed evenly over the runs; 0 is a
+    sudden start. The excitation grows linearly, beginning at the last zero of the base acceleration before
+    the start of the run. A run that starts at another phase therefore starts with the share that is reached
+    at this phase."""
     amplitude: checks.Real = 0.01
     """Relative half width of the amplitude of the base motion."""
     frequency: checks.Real = 0.01
@@ -99,18 +104,20 @@ class Ensemble:
         if self.seed is not None:
             checks.set_checked(self, checks.seed, "seed")
         check_reach(self)
+        checks.set_checked(self, checks.within, "disturbed", 0.0, 1.0)
         checks.flag("any_phase", self.any_phase)
         # A restitution of None keeps its meaning: the default depends on the block.
         for name, width in check_half_widths(self.half_widths).items():
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, width)
-        # A single number stands for one duration.
-        ramps = checks.plain("ramps", self.ramps)
-        ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
-        if not len(ramps):
-            raise ValueError("`ramps` must contain at least one duration, but is empty")
-        ramps = tuple(checks.not_negative("ramps", ramp, 0.0, LONGEST_FREE) for ramp in ramps)
-        object.__setattr__(self, "ramps", ramps)
+        # A single number stands for all runs.
+        growth = checks.plain("growth", self.growth)
+        growth = growth if isinstance(growth, (tuple, list)) or np.ndim(growth) else (growth,)
+        if not len(growth):
+            raise ValueError("`growth` must contain at least one number of periods, but is empty")
+        growth = tuple(checks.not_negative("growth", x) for x in growth)
+        checks.at_most("growth", max(growth), float(self.periods), "the periods of a run")
+        object.__setattr__(self, "growth", growth)
 
     @property
     def half_widths(self) -> dict[str, float]:
@@ -139,16 +146,29 @@ class Ensemble:
         # A separate generator ensures that the number of conditions does not change the draws of the runs.
         return np.random.default_rng([self.seed or 0, 1]).permutation(self.size) % conditions
 
+    def starts(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the growth of the excitation in periods, and whether each run begins with a disturbance.
+
+        `unit` has numbers between 0 and 1 that select the kinds of start, shape (size,).
+        """
+        # Shares of the interval from 0 to 1: a disturbance comes last, because the nominal run is at zero.
+        disturbed = self.disturbed if any(getattr(self, name) for name in DISTURBANCE) else 0.0
+        is_disturbed = unit >= 1.0 - disturbed
+        share = np.where(is_disturbed, disturbed, 1.0 - disturbed)
+        within = (unit - np.where(is_disturbed, 1.0 - disturbed, 0.0)) / share
+        growth = np.array(self.growth)
+        return growth[np.minimum((within * len(growth)).astype(int), len(growth) - 1)], is_disturbed
+
     def draws(self) -> np.ndarray:
         """Return the points of the runs in the unit cube, shape (size, 14).
 
-        The columns are the four components of the initial state, the phase, the ramp, and the varied
+        The columns are the four components of the disturbance, the phase, the kind of start, and the varied
         quantities. The first row is the nominal run.
         """
         seed = self.seed or 0
         draws = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
         unit = np.hstack([latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in draws])
-        # The middle of every range is the nominal value. Phase and ramp are nominal at zero.
+        # The middle of every range is the nominal value. Phase and kind of start are nominal at zero.
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit
