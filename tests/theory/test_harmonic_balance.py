@@ -1,5 +1,7 @@
 """The one-harmonic balance: (23) and (27), corrected."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,13 @@ import pytest
 
 from tests.reference import MOVING, NAMES, WITH, differences, exact, named, orbits_of, parameters
 from tpd import Parameters
-from tpd.theory import neglected_harmonics, one_harmonic, one_harmonic_branches, parametric_branches
+from tpd.theory import (
+    harmonic_balance,
+    neglected_harmonics,
+    one_harmonic,
+    one_harmonic_branches,
+    parametric_branches,
+)
 
 ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
 SLOPES = jax.jit(jax.grad(lambda x: ONE(x).amplitude))
@@ -94,6 +102,52 @@ def test_the_lower_branch_falls_with_the_forcing_and_ends_where_the_forcing_lift
     np.testing.assert_array_equal(amplitude(edge * 0.999).exists, [True, True])
     np.testing.assert_array_equal(amplitude(edge * 1.001).exists, [True, False])
     assert float(amplitude(edge * 0.999).amplitude[1]) < 1e-3
+
+
+def test_the_term_of_the_impacts_dissipates_what_the_impacts_dissipate():
+    """A tilt that is a parabola in time; the energies are those of the mass matrix of (25)."""
+    e, phi = 0.7, 0.03
+    p = Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.0, f=0.1, xi=3.0, e=e)
+    rho, half = p.inertia_ratio, np.pi / p.xi
+    # The mean of the rates before and after the impact is that of the parabola.
+    rate = 4 * phi / half
+    before = 2 * rate / (1 + e)
+    # Multiply the row of the pendulum by mu lam, so that the matrix is symmetric and its form an energy.
+    mass = np.array(
+        [
+            [1 + p.mu * rho * (4 + p.nu**2), -2 * p.mu * rho * p.lam],
+            [-2 * p.mu * rho * p.lam, p.mu * rho * p.lam**2],
+        ]
+    )
+    # The base does not change the momentum of the bob about the hinge.
+    q = np.array([before, 0.4])
+    after = np.array([e * before, 0.4 + 2 / p.lam * (e - 1) * before])
+    assert mass[1] @ (after - q) == pytest.approx(0.0, abs=1e-15)
+    lost = (q @ mass @ q - after @ mass @ after) / 2
+    whole, without = (complex(harmonic_balance._balance(dataclasses.replace(p, e=x)).a) for x in (e, 1.0))
+    assert 2 * lost == pytest.approx(np.pi * (whole - without).imag * phi**2, rel=1e-12)
+    assert whole.real == without.real
+
+
+def test_with_a_loss_at_impacts_the_upper_branch_is_near_the_exact_one():
+    for e, median, number in ((0.95, 0.015, 284), (0.8, 0.01, 265), (0.5, 0.085, 215)):
+        p = Parameters(**scenes(300, seed=5), e=e)
+        balance, orbits = one_harmonic(p), orbits_of(p)
+        share = np.asarray(orbits.amplitude)[:, 0] / np.where(balance.exists, balance.amplitude, np.nan)
+        assert np.isfinite(share).sum() >= number
+        assert np.nanmedian(np.abs(share - 1)) < median
+
+
+def test_without_friction_a_loss_at_impacts_sets_the_smallest_forcing():
+    def amplitude(e, f):
+        p = Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.0, f=f, xi=3.0, e=e)
+        return one_harmonic_branches(p), np.isfinite(orbits_of(p).amplitude).any()
+
+    # The exact fold is at 0.028568.
+    for f, exists in ((0.029, False), (0.0296, True)):
+        assert amplitude(0.9, f)[0].exists.tolist() == [exists, exists]
+    assert (amplitude(0.9, 0.0285)[1], amplitude(0.9, 0.0287)[1]) == (False, True)
+    assert amplitude(1.0, 0.015)[0].exists.all(), "the loss in the hinge is smaller"
 
 
 @pytest.fixture(scope="module")

@@ -265,7 +265,7 @@ TOP = "nonlinear"
 """Name of the model with which the others are compared."""
 _MODELS = {
     "uplift": _Model("everything except the steady swing of the bob under a block at rest", _at_rest),
-    "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
+    "one harmonic": _Model("all harmonics but one", _balanced),
     "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
     "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
     "parametric": _Model(

@@ -4,7 +4,14 @@ With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp
 
     D = 1 - lam rho xi^2 + i xi c_p,   h = 2 mu rho lam xi^2 - i xi mu lam c_p,   B = 1 + 2 mu + h/D
     A = -[1 + mu rho (4 + nu^2)] xi^2 - (1 + 2 mu) + i xi mu lam c_p - h (2 rho xi^2 - i xi c_p)/D
+        + i (64/pi^3) (1 - e)/(1 + e) (1 + mu rho nu^2) xi^2
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] = 0
+
+The last term of A is the loss at impacts. A light block falls back almost at constant acceleration, so that
+its tilt is a parabola in time with the peak Phi, which reaches zero with the mean rate v = (4/pi) xi Phi.
+Two impacts then dissipate 4 (1 - e)/(1 + e) (1 + mu rho nu^2) v^2 in each period, because the inertia of
+block and bob in an impact is 1 + mu rho nu^2. A viscous moment c phi' dissipates pi c xi Phi^2, and c xi is
+the stated term.
 
 Hence |A Phi + (4/pi)(...)|^2 = |B|^2 f^2 is a quadratic equation for Phi, with two branches and without
 iteration. With the parametric term s f (1 + mu) nu phi sin(xi tau) of (12) and (27) the first row becomes
@@ -57,12 +64,15 @@ class _Balance(NamedTuple):
 
 def _balance(p: Parameters, order: int = 1) -> _Balance:
     """Compute the coefficients at the frequency `order` times xi, for an odd `order`."""
-    linear, c, rho, xi = Linear(p), p.hinge, p.inertia_ratio, order * p.xi
+    linear, c, rho, xi, e = Linear(p), p.hinge, p.inertia_ratio, order * p.xi, p.velocity_ratio
     # D is zero at the resonance of an undamped bob. Python would raise an error for the division by it.
     d = jnp.asarray(1.0 - p.lam * rho * xi**2 + 1j * xi * c)
     h = 2.0 * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
     drive = 2.0 * rho * xi**2 - 1j * xi * c
     a = -linear.m11 * xi**2 - linear.tilt + 1j * xi * linear.c1 - h * drive / d
+    if order == 1:
+        # Impacts depend on the first harmonic only: the size of the motion is that of its first harmonic.
+        a = a + 1j * (4.0 / jnp.pi) ** 3 * (1.0 - e) / (1.0 + e) * (1.0 + p.mu * rho * p.nu**2) * xi**2
     # sgn(cos theta) has the harmonics +1, -1/3, +1/5, ...; -sgn(sin theta) has i, i/3, i/5, ...
     weight = linear.weight if order % 4 == 1 else -linear.weight
     return _Balance(d, drive, a, linear.tilt + h / d, 4.0 / (jnp.pi * order) * (weight + 1j * p.k))
@@ -112,8 +122,10 @@ def _branches_of(
 def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
     """Return both roots of the corrected one-harmonic balance (27), with friction and damping.
 
-    The parametric term is neglected. As a rule the upper branch is 1 to 5 % above the exact amplitude, and
-    the lower branch 5 to 30 %. `neglected_harmonics` estimates the error.
+    The parametric term is neglected. Without a loss at impacts the upper branch is as a rule 1 to 5 % above
+    the exact amplitude, and the lower branch 5 to 30 %. `neglected_harmonics` estimates the error. With e of
+    at least 0.8 half of 300 random scenes have an upper branch within 1.5 % of the exact one; with e = 0.5 it
+    is too small by 8 % in the median.
 
     Args:
         p: dimensionless parameters. Fields may be arrays.
@@ -189,7 +201,8 @@ class Neglected(NamedTuple):
     """Estimate of the largest error of the balance: 2.5 times the sum of the sizes of the parts of the
     correction. The bound is not proved. In 300 random scenes it was correct for all 288 upper branches, and
     for 49 of the 51 lower branches that are orbits. The other 81 lower roots belong to no orbit, and their
-    bound was 0.3 or more."""
+    bound was 0.3 or more. It does not include the error of the loss at impacts: with e of 0.8 it was correct
+    for 96 % of the upper branches, with e of 0.7 for 85 %."""
 
 
 @jax.numpy_dtype_promotion("standard")
