@@ -33,6 +33,7 @@ CALLS = {
     "derivatives of a transient": lambda: trace(jax.grad(tilt_of), BLOCK),
     "critical scale": lambda: tpd.critical_scale(tpd.Scene(BLOCK, PULSE)),
     "harmonic balance": lambda: trace(tpd.theory.one_harmonic_branches, P),
+    "fold of the balance": lambda: trace(tpd.theory.fold, P),
     "parametric balance": lambda: trace(tpd.theory.parametric_branches, P),
     "neglected harmonics": lambda: trace(tpd.theory.neglected_harmonics, P),
     "descent": lambda: descended(PROBLEM, tpd.Descent(steps=2)),

@@ -9,7 +9,9 @@ import pytest
 
 from tests.reference import MOVING, NAMES, WITH, differences, exact, named, orbits_of, parameters
 from tpd import Parameters
+from tpd.scene.status import names_of
 from tpd.theory import (
+    fold,
     harmonic_balance,
     neglected_harmonics,
     one_harmonic,
@@ -17,6 +19,7 @@ from tpd.theory import (
     parametric_branches,
 )
 
+FOLD_NAMES = (*NAMES[:7], "rho", "e")
 ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
 SLOPES = jax.jit(jax.grad(lambda x: ONE(x).amplitude))
 
@@ -148,6 +151,68 @@ def test_without_friction_a_loss_at_impacts_sets_the_smallest_forcing():
         assert amplitude(0.9, f)[0].exists.tolist() == [exists, exists]
     assert (amplitude(0.9, 0.0285)[1], amplitude(0.9, 0.0287)[1]) == (False, True)
     assert amplitude(1.0, 0.015)[0].exists.all(), "the loss in the hinge is smaller"
+
+
+# Parameters, fold of the balance, fold of the exact orbits, and amplitude of the balance. Source: two codes
+# that share nothing with the package.
+FOLDS = (
+    ({"nu": 0.2, "mu": 0.0, "lam": 1.0, "zeta": 0.1, "k": 0.05, "xi": 2.0}, 0.063662, 0.060962, 0.05093),
+    (
+        {"nu": 0.2, "mu": 0.05, "lam": 0.8, "zeta": 0.1, "k": 0.0, "xi": 3.0, "e": 0.9},
+        *(0.029343, 0.028568, 0.02694),
+    ),
+    (
+        {"nu": 0.25, "mu": 0.1, "lam": 0.8, "zeta": 0.1, "k": 0.05, "xi": 3.5, "e": 0.9},
+        *(0.106814, 0.103255, 0.02616),
+    ),
+)
+
+
+@pytest.mark.parametrize(("numbers", "forcing", "exact", "amplitude"), FOLDS)
+def test_both_branches_merge_in_the_fold_which_is_a_little_above_the_exact_fold(
+    numbers, forcing, exact, amplitude
+):
+    found = fold(Parameters(**numbers, f=0.0))
+    assert str(names_of(found.status)) == "near_fold"
+    assert (float(found.f), float(found.amplitude)) == pytest.approx((forcing, amplitude), rel=2e-4)
+    for share, exists in ((-1e-9, False), (1e-9, True)):
+        near = one_harmonic_branches(Parameters(**numbers, f=float(found.f) * (1 + share)))
+        assert near.exists.tolist() == [exists, exists]
+        if exists:
+            np.testing.assert_allclose(near.amplitude, found.amplitude, rtol=1e-3)
+            np.testing.assert_allclose(near.phase, found.phase, atol=1e-3)
+    # Bisect: an orbit exists above the fold and not below.
+    low, high = 0.9 * forcing, forcing
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        exists = np.isfinite(orbits_of(Parameters(**numbers, f=middle)).amplitude).any()
+        low, high = (low, middle) if exists else (middle, high)
+    assert high == pytest.approx(exact, abs=1e-6)
+    assert 1.003 < forcing / high < 1.045
+
+
+def test_gradients_of_the_fold_are_those_of_differences_and_a_batch_has_one_fold_each():
+    x = (0.2, 0.05, 0.8, 0.1, 0.03, 0.1, 3.0, 0.8, 0.9)
+    both = jax.jit(lambda x: jnp.stack(fold(Parameters(**dict(zip(FOLD_NAMES, x, strict=True))))[:3]))
+    slopes = jax.jit(jax.jacrev(both))(jnp.array(x))
+    for i in range(len(x)):
+        expected = differences(lambda x: np.asarray(both(x)), x, i, share=2e-3)
+        np.testing.assert_allclose(slopes[:, i], expected, rtol=1e-8, atol=1e-11)
+    np.testing.assert_array_equal(slopes[:, 5], 0.0)
+    p = scenes(20)
+    many = fold(Parameters(**p))
+    one = fold(Parameters(**{name: float(column[7]) for name, column in p.items()}))
+    np.testing.assert_allclose((many.f[7], many.phase[7]), (one.f, one.phase), rtol=1e-14)
+
+
+def test_branches_that_merge_at_a_negative_amplitude_have_no_fold():
+    """Next to its resonance the bob turns the sign of the inertia of the block."""
+    numbers = {"nu": 0.2, "mu": 0.3, "lam": 1.0, "zeta": 0.01, "k": 0.05, "xi": 1.265, "rho": 0.75}
+    found = fold(Parameters(**numbers, f=0.1))
+    assert str(names_of(found.status)) == "no_orbit"
+    assert np.isnan(found.f)
+    for f in (0.01, 0.1, 0.3):
+        assert not one_harmonic_branches(Parameters(**numbers, f=f)).exists[1]
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,28 @@
 """The condition under which the settled block does not lift."""
 
+import dataclasses
+from collections import Counter
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tests.reference import NAMES, STILL, WITH, differences, exact, parameters
-from tpd.theory import uplift
+from tpd import (
+    Block,
+    Harmonic,
+    Nonlinear,
+    Parameters,
+    Pendulum,
+    Piecewise,
+    Record,
+    Scene,
+    status_name,
+    transient,
+)
+from tpd.models.base import AbstractModel
+from tpd.theory import lightest_pendulum, uplift
 from tpd.theory.no_uplift import AtRest, sliding_in_runs
 
 UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
@@ -54,6 +70,76 @@ def test_gradients_are_those_of_differences(name):
     for i, axis in enumerate(NAMES[:7]):
         expected = differences(lambda x: float(getattr(UPLIFT(x), name)), DAMPED, i, share=3e-3)
         assert slopes[i] == pytest.approx(expected, rel=1e-8, abs=1e-12), axis
+
+
+def scene_of(seed: int) -> tuple[dict[str, float], float]:
+    """Random block under a harmonic that lifts it, and the largest angle of its bob."""
+    rng = np.random.default_rng(seed)
+    nu, share, xi, swing = rng.uniform((0.1, 1.2, 2.0, 0.2), (0.3, 2.5, 5.0, 0.5))
+    return {"nu": nu, "k": 0.1 * nu, "f": share * nu, "xi": xi, "e": 0.9}, swing
+
+
+def test_the_lightest_pendulum_is_at_the_margin_and_no_other_undamped_pendulum_is_lighter():
+    for seed in range(20):
+        numbers, swing = scene_of(seed)
+        law = lightest_pendulum(Parameters(**numbers, mu=0.0, lam=1.0, zeta=0.0), swing)
+        found = uplift(Parameters(**numbers, mu=law.mu, lam=law.lam, zeta=0.0))
+        assert (float(found.margin), float(found.swing)) == pytest.approx((0.0, swing), abs=1e-12)
+        # Pendulums of all lengths with a slightly smaller mass swing too far, or the block lifts.
+        lengths = law.lam * np.geomspace(0.05, 20.0, 2001)
+        others = uplift(Parameters(**numbers, mu=0.999 * law.mu, lam=lengths, zeta=0.0))
+        assert np.all((others.margin < 0) | (others.swing > swing))
+
+
+def test_the_lightest_pendulum_in_si_units_and_without_need():
+    block, motion = Block(width=1.0, height=4.0, mass=1000.0), Harmonic(amplitude=0.04, frequency=1.5)
+    scene = Scene(block, motion)
+    law = lightest_pendulum(scene.parameters(), 0.3)
+    assert law.mu == pytest.approx((scene.peak - 0.25) / (0.25 + 0.6), rel=1e-12)
+    assert law.lam * 2.0 == pytest.approx(9.80665 / motion.rate**2 + 0.04 / 0.3, rel=1e-12)
+    calm = dataclasses.replace(scene.parameters(), f=0.1)
+    assert lightest_pendulum(calm, 0.3).mu == 0.0
+    slope = jax.grad(lambda f: lightest_pendulum(dataclasses.replace(calm, f=f), 0.3).mu)
+    assert (slope(0.1), slope(0.5)) == pytest.approx((0.0, 1 / 0.85))
+    with pytest.raises(ValueError, match=r"`swing` must be positive and finite, but is -0\.1"):
+        lightest_pendulum(calm, -0.1)
+
+
+def outcomes_after(ramp: int, share: float, model: AbstractModel) -> Counter[str]:
+    """Outcomes of 12 blocks with `share` times the lightest bob, after a start of `ramp` periods."""
+    found: Counter[str] = Counter()
+    for seed in range(12):
+        numbers, swing = scene_of(seed)
+        law = lightest_pendulum(Parameters(**numbers, mu=0.0, lam=1.0, zeta=0.0), swing)
+        block = Block(
+            width=4 * numbers["nu"], height=4.0, mass=1000.0, friction=numbers["k"], restitution=numbers["e"]
+        )
+        rate = Scene(block, Harmonic(amplitude=0.01, frequency=1.0)).rate * numbers["xi"]
+        cycles = np.arange(0.0, 30.0 + 1e-9, 1 / 60)
+        growth = np.sin(0.5 * np.pi * np.minimum(cycles / ramp, 1.0)) ** 2 if ramp else 1.0
+        waves = -numbers["f"] * 9.80665 * growth * np.sin(2 * np.pi * cycles)
+        scene = Scene(block, Record(acceleration=waves, dt=2 * np.pi / rate / 60))
+        pendulum = Pendulum(mass=1000.0 * share * law.mu, length=2.0 * law.lam, damping_ratio=0.01)
+        run = transient(scene, pendulum, free=0.0, model=model)
+        found[status_name(run.status)] += 1
+    return found
+
+
+def test_the_law_of_no_uplift_is_exact_after_a_gradual_start_of_the_linear_equations():
+    assert outcomes_after(10, 1.1, Piecewise())["stood"] == 12
+    assert outcomes_after(10, 0.9, Piecewise())["stood"] == 0
+
+
+def test_the_law_of_no_uplift_is_useless_after_a_sudden_start():
+    for share in (1.1, 1.5):
+        found = outcomes_after(0, share, Piecewise())
+        assert found["stood"] == 0
+        assert found["overturned"] >= 3
+
+
+def test_the_nonlinear_equations_need_half_as_much_mass_again_after_a_gradual_start():
+    assert outcomes_after(10, 1.1, Nonlinear())["stood"] <= 1
+    assert 7 <= outcomes_after(10, 1.5, Nonlinear())["stood"] < 12
 
 
 def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():

@@ -2,29 +2,35 @@
 
 | equation of the paper | module | functions |
 |---|---|---|
-| Table 1, no-uplift condition | `no_uplift` | `uplift` |
+| Table 1, no-uplift condition | `no_uplift` | `uplift`, `lightest_pendulum` |
 | (11), free rocking | `free_rocking` | `free_motion` |
 | losses at impacts as friction, free decay | `free_rocking` | `equivalent_friction`, `turning_tilts` |
-| (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic` and three more |
+| (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic`, `fold` and three more |
+| not in the paper, a pendulum slower than the excitation | `relative_length` | `relative_length` |
 | (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 
 from tpd.theory.free_rocking import equivalent_friction, free_motion, turning_tilts
 from tpd.theory.harmonic_balance import (
+    fold,
     neglected_harmonics,
     one_harmonic,
     one_harmonic_branches,
     parametric_branches,
 )
-from tpd.theory.no_uplift import uplift
+from tpd.theory.no_uplift import lightest_pendulum, uplift
+from tpd.theory.relative_length import relative_length
 
 __all__ = [
     "equivalent_friction",
+    "fold",
     "free_motion",
+    "lightest_pendulum",
     "neglected_harmonics",
     "one_harmonic",
     "one_harmonic_branches",
     "parametric_branches",
+    "relative_length",
     "turning_tilts",
     "uplift",
 ]
