@@ -83,6 +83,8 @@ class NoisyProblem(Problem):
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
     assumed_excitation: ClassVar[str] = "Noise."  # type: ignore[misc]
+    starts_in_words: ClassVar[str] = "Starts: any."  # type: ignore[misc]
+    duration_in_words: ClassVar[str] = "runs of any duration"  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0
     """Share of the runs without an answer."""

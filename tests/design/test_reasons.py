@@ -25,6 +25,11 @@ SENTENCES = {
         "the mean tilt is 30.0 % of the slenderness with the pendulum, and 20.0 % without it, for 2.5 Hz, "
         "and higher under 2 other conditions",
     ),
+    ReasonKind.no_benefit: (
+        {"value": 0.201, "reference": 0.2},
+        "the mean tilt is 20.1 % of the slenderness with the pendulum, and 20.0 % without it, in the runs "
+        "2.5 Hz: this is no reduction",
+    ),
     ReasonKind.rests_less: (
         {"value": 3.0, "reference": 19.0, "total": 64},
         "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; a decrease by "

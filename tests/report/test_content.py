@@ -22,7 +22,7 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
     assert [r[0] for r in report.summary.rows[:6]] == [
-        *("project", "block", "motion", "lifts", "slides", "conditions")
+        *("project", "block", "motion", "lifts", "slides", "conditions", "starts")
     ]
     assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
     assert report.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"

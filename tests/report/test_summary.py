@@ -1,6 +1,5 @@
 """Summary of a design: verdict, dangers, pendulum, one comparison, what limits it."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,20 +21,24 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     design = harmonic()
     size = design.benefit
     number = f"{100 * size.mean:.0f} % (95 % interval {100 * size.low:.0f} to {100 * size.high:.0f} %)"
-    sentence = f". The pendulum reduces the mean tilt by {number}. This is not a safety assessment."
+    only = "It holds for this harmonic excitation only. This is not a safety assessment."
+    sentence = f". The pendulum reduces the mean tilt by {number}. {only}"
     fell = design.runs.change("overturned")
     assert fell.without_pendulum > 0.01
     lacking = "NOT TO BE BUILT AS IT IS, because the search assumed a bob without size and no walls: "
-    shares = [f"{100 * share:.1f} %" for share in (fell.without_pendulum, fell.with_pendulum)]
+    without, share = (f"{100 * share:.1f} %" for share in (fell.without_pendulum, fell.with_pendulum))
+    still = f"with the pendulum {share} of the runs still overturn ({without} without it). "
+    still = still if fell.with_pendulum else f"with the pendulum no run overturns ({without} without it). "
     less = design.overturning_reduction
     number = f"{100 * less.mean:.0f} % (95 % interval {100 * less.low:.0f} to {100 * less.high:.0f} %)"
     by = "he pendulum reduces the share of runs that overturn by "
-    first = f"t{by}{number}, from {shares[0]} to {shares[1]}"
+    first = f"{still}T{by}{number}"
     assert design.best.measure == "overturning"
     assert verdict(design).text == f"{lacking}{first}{sentence}"
     # What was required comes first.
     tilted = replace(design.best, measure="tilt")
     said = verdict(replace(design, validated=(tilted,))).text
+    assert said.index("still overturn" if fell.with_pendulum else "no run") < said.index("the mean tilt by")
     assert said.index("the mean tilt by") < said.index(f"T{by}")
     no_benefit = replace(design.runs, with_pendulum=design.runs.without_pendulum)
     losses = (details().losses[0]._replace(runs=no_benefit), *details().losses[1:])
@@ -47,10 +50,9 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     )
     first, then = reduction(swapped, "overturning").split(". ", 1)
     # A few of the runs overturn with the pendulum, or none, as the last digits of compiled code have it.
-    none = f"the block overturns in {shares[0]} of the runs with the pendulum, and in none without it"
-    some = f"the pendulum increases the share of runs that overturn by .* from {shares[1]} to {shares[0]}"
-    assert re.fullmatch(f"{none}|{some}", first)
-    assert then.startswith("The pendulum increases the mean tilt by ")
+    still = "still " if fell.with_pendulum else ""
+    assert first == f"with the pendulum {without} of the runs {still}overturn ({share} without it)"
+    assert "he pendulum increases the mean tilt by " in then
     assert "share of runs that overturn by 100 % (95 % interval " in reduction(
         paired([np.inf] * 40 + [0.1] * 160, [np.inf] * 20 + [0.1] * 180), "tilt"
     )
@@ -64,7 +66,8 @@ def test_estimates_that_allow_for_the_decision_are_named_beside_those_of_the_run
     quoted, usual = runs.benefit, alone.benefit
     ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
     assert reduction(runs, "tilt") == (
-        f"the mean tilt falls by {100 * usual.mean:.0f} % in these runs; its true reduction is {ends} (95 % "
+        "no run overturns, with the pendulum or without it. "
+        f"The mean tilt falls by {100 * usual.mean:.0f} % in these runs; its true reduction is {ends} (95 % "
         "interval). The intervals allow for the fact that these runs also decided"
     )
     assert "allow" not in reduction(alone, "tilt")
@@ -92,16 +95,22 @@ def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
 @pytest.mark.parametrize(
     ("overturned", "first"),
     [
-        ((0, 0), "the pendulum reduces the mean tilt by "),
-        ((0, 3), "the pendulum reduces the mean tilt by "),
+        ((0, 0), "no run overturns, with the pendulum or without it. The pendulum reduces the mean tilt by "),
+        ((0, 3), "with the pendulum no run overturns (0.8 % without it). The pendulum reduces the mean tilt"),
         (
             (4, 8),
-            "the pendulum reduces the share of runs that overturn by 50 % (95 % interval -24 to 90 %), from "
-            "2.0 % to 1.0 %, which is not significant. The pendulum reduces the mean tilt by ",
+            "with the pendulum 1.0 % of the runs still overturn (2.0 % without it). The pendulum reduces the "
+            "share of runs that overturn by 50 % (95 % interval -24 to 90 %), which is not significant. The "
+            "pendulum reduces the mean tilt by ",
         ),
         (
             (4, 80),
-            "the pendulum reduces the share of runs that overturn by 95 % (95 % interval ",
+            "with the pendulum 1.0 % of the runs still overturn (20.0 % without it). The pendulum reduces "
+            "the share of runs that overturn by 95 % (95 % interval ",
+        ),
+        (
+            (3, 0),
+            "with the pendulum 0.8 % of the runs overturn (0.0 % without it). The pendulum reduces the mean",
         ),
     ],
 )

@@ -107,8 +107,6 @@ class Part(NamedTuple):
     """Whether the mean severity with the pendulum is significantly higher, by more than the allowed share."""
     is_start: bool
     """Whether the part is a kind of start. A pendulum must help after every kind of start."""
-    is_better: bool
-    """Whether the mean severity is significantly lower with the pendulum."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -356,12 +354,9 @@ class PairedRuns(Printed):
         parts = list[Part]()
         for label, of_part, is_start in selections:
             rows = self.is_answered & of_part
-            is_better = is_positive(
-                self.severity[1][rows] - self.severity[0][rows], -1.0, self._clusters(rows)
-            )
             is_worse = is_positive(excess[rows], least, self._clusters(rows))
             with_pendulum, without = (_size_of(np.mean, x[rows]) for x in self.severity)
-            parts.append(Part(label, rows, with_pendulum, without, is_worse, is_start, is_better))
+            parts.append(Part(label, rows, with_pendulum, without, is_worse, is_start))
         return tuple(parts)
 
     @cached_property
@@ -372,11 +367,12 @@ class PairedRuns(Printed):
 
     @property
     def starts_without_benefit(self) -> tuple[Part, ...]:
-        """Kinds of start after which the block rocks without the pendulum, and not significantly less with
-        it."""
+        """Kinds of start after which the block rocks without the pendulum, and the mean severity with it is
+        not lower."""
+        # A part has few runs, so that only the benefit over all runs must be significant.
         # A mean severity below `LEAST` leaves nothing to reduce.
         starts = (part for part in self.parts if part.is_start and part.without_pendulum >= LEAST)
-        return tuple(part for part in starts if not part.is_better)
+        return tuple(part for part in starts if part.with_pendulum >= part.without_pendulum)
 
     @property
     def rests_less(self) -> bool:

@@ -232,6 +232,16 @@ class GroundMotionProblem(Problem):
         """See `Problem.assumed_excitation`."""
         return f"Excitation from rest: {'; '.join(self.conditions.description)}."
 
+    @property
+    def starts_in_words(self) -> str:
+        """See `Problem.starts_in_words`."""
+        return "Starts: block and bob begin at rest."
+
+    @property
+    def duration_in_words(self) -> str:
+        """See `Problem.duration_in_words`."""
+        return f"runs over the whole motion, and {FREE:g} s beyond its end"
+
     def isolation(self) -> tuple[np.ndarray, float]:
         """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
         acceleration."""

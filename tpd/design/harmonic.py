@@ -20,7 +20,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.batch import aside
-from tpd.core.formatting import number
+from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress, unreported
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
@@ -104,7 +104,7 @@ class HarmonicProblem(Problem):
     }
     pictures = *Problem.pictures, "conditions", "motion"
     has_earthquakes: ClassVar[bool] = False
-    begin_of_runs: ClassVar[str] = "Validation runs with random initial states and"
+    begin_of_runs: ClassVar[str] = "Validation runs, some of them after a disturbance, with"
     attempts: ClassVar[int] = 3
     further: ClassVar[int] = 32
 
@@ -255,6 +255,28 @@ class HarmonicProblem(Problem):
             "Excitation: horizontal harmonic motion of the base in the plane of the block, "
             f"{sine}{more}. g = {g} m/s²."
         )
+
+    @property
+    def starts_in_words(self) -> str:
+        """See `Problem.starts_in_words`."""
+        e, frequency = self.ensemble, float(self.scene.excitation.frequency)
+        share, most = percent(e.disturbed), max(e.tilt, e.tilt_rate)
+        growth = ", or ".join(
+            f"grows over {x:g} periods ({number(x / frequency, 3)} s)" if x else "begins suddenly"
+            for x in e.growth
+        )
+        return (
+            f"Starts: block and bob begin at rest. Of the runs {share} begin after a disturbance: a tilt "
+            f"of up to {percent(most)} of the toppling tilt, a bob angle of up to {number(e.swing)} rad, and "
+            "rates of the same size per unit of dimensionless time. The excitation "
+            f"{growth}, in equal shares of the runs."
+        )
+
+    @property
+    def duration_in_words(self) -> str:
+        """See `Problem.duration_in_words`."""
+        n, frequency = self.ensemble.periods, float(self.scene.excitation.frequency)
+        return f"runs of {n} periods ({number(n / frequency, 3)} s), or until the motion repeats"
 
     def isolation(self) -> tuple[np.ndarray, float]:
         """Return the period for the lowest frequency only; see `Problem.isolation`."""

@@ -130,7 +130,7 @@ class Problem(ABC):
     """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, and a
     share of them has an interval."""
     begin_of_runs: ClassVar[str]
-    """Words for the beginning of the validation runs."""
+    """Words for the beginning of the validation runs without a pendulum."""
 
     @classmethod
     def checked(cls, scene: Scene, **inputs: Any) -> dict[str, Any]:
@@ -307,6 +307,16 @@ class Problem(ABC):
     @abstractmethod
     def assumed_excitation(self) -> str:
         """Sentence on the excitation as the runs assume it."""
+
+    @property
+    @abstractmethod
+    def starts_in_words(self) -> str:
+        """Sentence on the initial states of the validation runs and on the beginning of the excitation."""
+
+    @property
+    @abstractmethod
+    def duration_in_words(self) -> str:
+        """Words for the duration of the validation runs."""
 
     @abstractmethod
     def isolation(self) -> tuple[np.ndarray, float]:

@@ -105,7 +105,7 @@ class ReasonKind(enum.Enum):
     )
     no_benefit = (
         "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, in the "
-        "runs {condition}: this is no significant reduction"
+        "runs {condition}: this is no reduction"
     )
     rests_less = (
         "the block ends at rest in {value} of {total} runs with the pendulum, and in {reference} "

@@ -63,7 +63,8 @@ def verdict(design: Design, details: Details | None = None) -> Note:
                 f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
             )
         result = words.reduction(runs, best.measure)
-        return note(f"{head}: {result}.{caution} This is not a safety assessment.")
+        of = " It holds for this harmonic excitation only." if not design.problem.has_earthquakes else ""
+        return note(f"{head}: {result}.{caution}{of} This is not a safety assessment.")
     # A block that does not rock needs its margin and not the number of rejected designs.
     if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
         return note(needless(design.problem))
@@ -91,6 +92,9 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     yield "slides", design.problem.at_rest.sliding_in_words
     # Without further conditions the design is for the motion of the scene only.
     yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
+    if design.runs is not None:
+        starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
+        yield "starts", f"{starts}; {design.problem.duration_in_words}"
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         yield _clearance(design, design.best.over_limit, details.build)
@@ -119,6 +123,15 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
+
+
+def by_start(runs: PairedRuns) -> str:
+    """Return the shares of the runs that overturn after each kind of start, with and without the pendulum."""
+    pendulum, without = (x.share_by_start() for x in (runs.with_pendulum, runs.without_pendulum))
+    shares = (
+        f"{kind} {percent(x.value, 1)} ({percent(without[kind].value, 1)})" for kind, x in pendulum.items()
+    )
+    return f"overturned with the pendulum (without it): {'; '.join(shares)}"
 
 
 def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:

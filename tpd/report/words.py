@@ -167,31 +167,38 @@ def overturned_between(responses: Sequence[Response], low: float, high: float) -
 
 
 def reduction(runs: PairedRuns, measure: str) -> str:
-    """Return sentences with the reductions of both measures and their intervals, without the final period.
+    """Return sentences with the share of the runs that still overturn, and then with the reductions of both
+    measures and their intervals, without the final period.
 
-    The required measure comes first. Overturning is left out if it is rare and was not required.
+    The required measure comes first. The reduction of overturning is left out if it is rare and was not
+    required, or if no run overturns without the pendulum.
     """
-    other = "tilt" if measure == "overturning" else "overturning"
-    # Both clauses begin with "the", and the second one begins a sentence.
-    first, then = reduced(runs, measure), reduced(runs, other)
-    both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
-    return (
-        both
-        if runs.passed is None
-        else f"{both}. The intervals allow for the fact that these runs also decided"
-    )
+    usual, other = runs.first_measure, "tilt" if measure == "overturning" else "overturning"
+    measures = [measure, *([] if other == "overturning" != usual else [other])]
+    if runs.change("overturned").without_pendulum == 0.0:
+        measures = ["tilt"]
+    first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
+    if runs.passed is not None:
+        others.append("the intervals allow for the fact that these runs also decided")
+    return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
+
+
+def overturned(runs: PairedRuns) -> str:
+    """Return a clause with the shares of the runs that overturn with and without the pendulum."""
+    shares = runs.change("overturned")
+    pendulum, without = (percent(x, 1) for x in (shares.with_pendulum, shares.without_pendulum))
+    if shares.with_pendulum > 0.0:
+        still = "still " if shares.without_pendulum > 0.0 else ""
+        return f"with the pendulum {pendulum} of the runs {still}overturn ({without} without it)"
+    if shares.without_pendulum > 0.0:
+        return f"with the pendulum no run overturns ({without} without it)"
+    return "no run overturns, with the pendulum or without it"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
     """Return a clause with the reduction of one measure, "overturning" or "tilt", and its interval."""
-    (size, significant), overturned = runs.reduction(measure), runs.change("overturned")
-    name, shares = "mean tilt", ""
-    if measure == "overturning":
-        pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
-        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
-        # A relative reduction of zero does not exist.
-        if overturned.without_pendulum == 0.0:
-            return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
+    size, significant = runs.reduction(measure)
+    name = "share of runs that overturn" if measure == "overturning" else "mean tilt"
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
     is_less, by, around = size.fall_in_words()
@@ -201,8 +208,8 @@ def reduced(runs: PairedRuns, measure: str) -> str:
         alone = runs.unconditional.reduction(measure)[0].mean
         change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
         true = f"its true reduction is between {ends(size.low, size.high, word='and')} (95 % interval)"
-        return f"the {name} {change} in these runs{shares}{doubt}; {true}"
-    return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
+        return f"the {name} {change} in these runs{doubt}; {true}"
+    return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{doubt}"
 
 
 def comparison(runs: PairedRuns) -> Table:
