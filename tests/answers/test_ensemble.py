@@ -13,6 +13,7 @@ from tests.designs import outcomes as by_hand
 from tests.reference import WITH as CASES
 from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.statistics import Share
+from tpd.scene.impacts import housner
 from tpd.scene.status import Status, code_of, names_of
 
 WITH = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
@@ -51,6 +52,34 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
         ValueError, match="`restitution` can vary only if it is a number below 1, but it is 1"
     ):
         outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
+
+
+def test_housners_restitution_scatters_as_it_was_measured_on_limestone():
+    p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.0, f=0.5, xi=3.5, e=None)
+    q = plan(p, tpd.Ensemble(size=2000)).p
+    # Each run has Housner's e of its own block and bob.
+    apart = np.asarray(q.e) - housner(q.nu, q.rho, q.mu)
+    assert np.mean(apart) == pytest.approx(-0.01, abs=1e-3)
+    assert np.std(apart) == pytest.approx(0.03, abs=1e-3)
+    assert apart[0] == pytest.approx(-0.01, abs=1e-15)
+    assert -0.1 - 1e-4 <= np.min(apart) < -0.09
+    # A normal distribution has 31.7 % of its values beyond one standard deviation.
+    assert np.mean(np.abs(apart + 0.01) > 0.03) == pytest.approx(0.317, abs=2e-3)
+    # A run without the bob has the same difference: the cases of a pair differ by Housner's formula only.
+    alone = plan(dataclasses.replace(p, mu=0.0), tpd.Ensemble(size=2000)).p
+    np.testing.assert_allclose(np.asarray(alone.e) - housner(alone.nu, alone.rho), apart, atol=1e-14)
+    slender = plan(dataclasses.replace(p, nu=0.1), tpd.Ensemble(size=2000)).p
+    assert np.max(slender.e) == 1.0
+    assert np.mean(np.asarray(slender.e) == 1.0) == pytest.approx(0.2, abs=0.1)
+
+
+def test_a_stated_half_width_is_one_around_housners_restitution():
+    p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.0, f=0.5, xi=3.5, e=None)
+    for width in (0.0, 0.05):
+        q = plan(p, tpd.Ensemble(size=500, restitution=width)).p
+        apart = np.asarray(q.e) - housner(q.nu, q.rho, q.mu)
+        assert np.max(np.abs(apart)) == pytest.approx(width, abs=2e-4)
+        assert np.mean(apart) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a_number():
@@ -151,7 +180,7 @@ def test_bad_subjects_are_refused():
 
 BLOCK = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")
 SCENE = tpd.Scene(BLOCK, tpd.Harmonic(amplitude=0.015, frequency=2.5))
-EVEN = dict.fromkeys([n for n in SPREADS if n not in ("amplitude", "restitution")], 0.0)
+EVEN = dict.fromkeys([n for n in SPREADS if n != "amplitude"], 0.0)
 TABLE_1 = tpd.Ensemble(size=48, periods=50, any_phase=False, growth=(0.0, 5.0), **EVEN)
 
 

@@ -9,7 +9,8 @@ import pytest
 
 import tpd
 from tpd import Conditions, Parameters, paper_scene
-from tpd.scene.conditions import FACTORS, check_restitution, under, under_all
+from tpd.scene.conditions import FACTORS, MEASURED, check_restitution, under, under_all
+from tpd.scene.impacts import housner
 
 SCENE = paper_scene()
 
@@ -199,6 +200,25 @@ def test_only_a_restitution_that_is_a_number_below_one_can_vary(own, words):
     scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=own))
     with pytest.raises(ValueError, match=f"`restitution` can vary only if .*, but it is {words}"):
         check_restitution(scene)
+
+
+def test_housners_restitution_can_vary_in_runs():
+    block = dataclasses.replace(SCENE.block, restitution="housner")
+    check_restitution(dataclasses.replace(SCENE, block=block), in_runs=True)
+    p, design = dataclasses.replace(SCENE, block=block).parameters(), np.array([[0.1, 0.5, 0.1]])
+    exact, some = (
+        Conditions.scatter(40, 2, mass=0.1),
+        Conditions.scatter(40, 2, mass=0.1, restitution=MEASURED),
+    )
+    q, scattered = under_all(p, design, exact), under_all(p, design, some)
+    # Without the scatter e is Housner's to the last digit.
+    np.testing.assert_array_equal(q.e, housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu)))
+    apart = some.column("restitution") - 1.0
+    np.testing.assert_array_equal(scattered.e, np.clip(np.asarray(q.e) + apart, 0.0, 1.0))
+    assert some.description == (
+        "40 samples of mass within 10%, difference from Housner's e normal with mean -0.01 and standard "
+        "deviation 0.03 (e at most 1) (seed 2)",
+    )
 
 
 def test_a_motion_keeps_its_samples_in_every_order():

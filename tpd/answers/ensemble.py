@@ -9,7 +9,6 @@ validation are evaluated with the same runs (common random numbers), and are com
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
 from tpd.core.progress import shown_count
-from tpd.scene.conditions import FACTORS, Conditions, check_restitution, factors_at, under
+from tpd.scene.conditions import FACTORS, Conditions, check_restitution, factors_at, under_each
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_of
@@ -66,11 +65,9 @@ def plan(p: Parameters, ensemble: Ensemble, conditions: Conditions | None = None
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
-    q = under(p, design, factor)
     # Every parameter is an array with an element for each run. All ensembles, also those without a pendulum,
     # then share one compiled program.
-    rho, ratio = (np.broadcast_to(np.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
-    q = replace(q, rho=rho, e=ratio)
+    q = under_each(p, design, factor)
     xi = np.asarray(q.xi)
     # The phase is varied by the time at which a run begins. With a fixed phase all runs begin at tau = 0.
     *state, phase, kind = unit.T[:6]
@@ -128,7 +125,7 @@ def outcomes(
     # The seed is set here, so that the result records it.
     ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
-        check_restitution(subject)
+        check_restitution(subject, in_runs=True)
     checks.optional("conditions", conditions, Conditions)
     runs = plan(parameters_of(subject, pendulum), ensemble, conditions)
     forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.growth)

@@ -34,11 +34,11 @@ from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
-from tpd.scene.conditions import MEASURES, Conditions, under_all
+from tpd.scene.conditions import MEASURES, Conditions, HalfWidth, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
-from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
+from tpd.scene.scene import HOUSNER, STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -191,7 +191,7 @@ class GroundMotionProblem(Problem):
         return self.method.steps
 
     @property
-    def scatter(self) -> dict[str, float]:
+    def scatter(self) -> dict[str, HalfWidth]:
         """See `Problem.scatter`: only properties of the block and of the installation vary."""
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
@@ -301,7 +301,7 @@ class GroundMotionProblem(Problem):
         factors, which = motion_factors(self.scene, conditions), np.asarray(conditions.which)
         return [conditions.motions[i].scaled(float(x)) for i, x in zip(which, factors, strict=True)]
 
-    def _every_motion(self, scatter: Mapping[str, float] | None = None, seed: int = 0) -> Conditions:
+    def _every_motion(self, scatter: Mapping[str, HalfWidth] | None = None, seed: int = 0) -> Conditions:
         """Return every motion of every group at every scale, with the stated block or blocks that vary."""
         motions, of = [m for g in self.groups for m in g.motions], self.conditions.intensity
         return Conditions.records(motions, self._scales, intensity=of, scatter=scatter, seed=seed)
@@ -316,8 +316,9 @@ class GroundMotionProblem(Problem):
         """
         equations, scene, more = varied.equations, varied.scene or self.scene, varied.more
         scatter = self.scatter
-        if scene is not self.scene:
-            # If the scene has another restitution, the restitution must not vary in addition.
+        if scene is not self.scene and scene.block.restitution != HOUSNER:
+            # If the scene has another restitution, the restitution must not vary in addition. Housner's e of
+            # another shape varies as that of the stated block.
             scatter.pop("restitution", None)
         conditions = self._every_motion(scatter, seed)
         conditions = conditions if more is None else conditions * more

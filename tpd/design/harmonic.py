@@ -37,7 +37,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.scene import Block, Harmonic, Pendulum, Scene
+from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
@@ -373,8 +373,9 @@ class HarmonicProblem(Problem):
             runs = self._short(min(_COMPARED, self.ensemble.size), seed)
         else:
             runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
-        if scene is not None:
-            # If the scene has another restitution, the restitution must not vary in addition.
+        if scene is not None and scene.block.restitution != HOUSNER:
+            # If the scene has another restitution, the restitution must not vary in addition. Housner's e of
+            # another shape varies as that of the stated block.
             runs = replace(runs, restitution=0.0)
         conditions = self.conditions if more is None else self.conditions * more
         pairs = paired_runs(

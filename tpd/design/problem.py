@@ -41,7 +41,7 @@ from tpd.limits import (
     check_limits,
     limit_of,
 )
-from tpd.scene.conditions import Conditions
+from tpd.scene.conditions import Conditions, HalfWidth, Normal
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -227,12 +227,13 @@ class Problem(ABC):
         return self.usual_contacts if stated is None else stated
 
     @property
-    def scatter(self) -> dict[str, float]:
-        """Relative half widths of the quantities that vary in the validation runs, by name."""
+    def scatter(self) -> dict[str, HalfWidth]:
+        """Relative half widths of the quantities that vary in the validation runs, by name, or the normal
+        distribution of e."""
         widths = self.ensemble.widths(self.scene.block.restitution)
         # A factor on a friction of zero would have no effect.
         absent = () if self.scene.block.friction else ("friction",)
-        return {name: width for name, width in widths.items() if width > 0.0 and name not in absent}
+        return {name: width for name, width in widths.items() if width != 0.0 and name not in absent}
 
     def scatter_in_words(self, *, without_pendulum: bool = False) -> str:
         """List the quantities that vary in the validation runs, with their half widths in per cent.
@@ -240,12 +241,15 @@ class Problem(ABC):
         Args:
             without_pendulum: whether to leave out the quantities of the pendulum.
         """
-        by_width = dict[float, list[str]]()
+        by_width, normal = dict[float, list[str]](), list[str]()
         for name, width in self.scatter.items():
-            if not (without_pendulum and name in ("mass", "length", "damping")):
+            # A normal distribution is no range, so it comes last.
+            if isinstance(width, Normal):
+                normal.append(str(width))
+            elif not (without_pendulum and name in ("mass", "length", "damping")):
                 by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
-        return "; ".join(listed) or "none"
+        return "; ".join([*listed, *normal]) or "none"
 
     @property
     def run_limits(self) -> tuple[Limit, ...]:

@@ -246,7 +246,7 @@ def check_fit(
     """
     with naming("ensemble"):
         if ensemble.restitution:
-            check_restitution(scene)
+            check_restitution(scene, in_runs=True)
     with naming("space"):
         return space.of(scene.block)
 

@@ -10,6 +10,7 @@ from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.words import COMPARISON, kept, point
+from tpd.scene.conditions import Normal
 
 _PULL = "pull-and-release test, above"
 _NAMES = {
@@ -195,14 +196,19 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
     """Return a table of the benefit if one quantity differs from its stated value, and its conclusion."""
     if not details.sensitivity:
         return []
-    e, validated = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
-    # The scatter is a share of e, but the table is about the loss 1 - e.
-    if "restitution" in validated and e < 1.0:
-        validated["restitution"] *= e / (1.0 - e)
+    e = float(design.scene.block.velocity_ratio)
+    # The scatter is a share of e or a difference from it, but the table is about the loss 1 - e.
+    share = {"restitution": e / (1.0 - e)} if e < 1.0 else {}
+    validated = {
+        name: f"standard deviation {percent(width.deviation / (1.0 - e))}"
+        if isinstance(width, Normal)
+        else f"±{percent(width * share.get(name, 1.0))}"
+        for name, width in design.problem.scatter.items()
+    }
     rows = tuple(
         (
             _NAMES[m.name][0],
-            f"±{percent(validated[m.name])}" if m.name in validated else None,
+            validated.get(m.name),
             f"±{percent(m.width)}" if m.width else None,
             *(interval(x.mean, x.low, x.high) for x in (m.low, m.high)),
             _NAMES[m.name][1],

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.conditions import check_half_widths, check_reach, latin_hypercube
+from tpd.scene.conditions import MEASURED, HalfWidth, check_half_widths, check_reach, latin_hypercube
 
 MOST_PERIODS = 10_000
 """Largest number of forcing periods of a run. After Ctrl-C the runs that have begun are completed."""
@@ -89,8 +89,10 @@ class Ensemble:
     damping: checks.Real = 0.2
     """Relative half width of the damping ratio zeta."""
     restitution: checks.Real | None = None
-    """Relative half width of e; e never exceeds 1. Default: 0.02, or half of 1 - e if this is smaller; 0 if e
-    follows from the shape of the block."""
+    """Relative half width of e; e never exceeds 1. Default: 0.02, or half of 1 - e if this is smaller. With
+    Housner's restitution a number is the half width of the difference from Housner's e. The default is then a
+    normal difference with mean -0.01 and standard deviation 0.03, as measured in 134 free-rocking trials of
+    limestone blocks (Colombo and others, 2026, DOI 10.60756/uminho-jh25, CC BY 4.0)."""
     slenderness: checks.Real = 0.02
     """Relative half width of nu, the uncertainty of the measured block."""
     mass: checks.Real = 0.02
@@ -125,16 +127,19 @@ class Ensemble:
         widths = {name: getattr(self, name) for name in _SCATTERED}
         return widths | {"restitution": 0.0 if self.restitution is None else self.restitution}
 
-    def widths(self, restitution: Any) -> dict[str, float]:
+    def widths(self, restitution: Any) -> dict[str, HalfWidth]:
         """Return the relative half widths of the varied quantities for a block with this e.
 
-        e is None or a word if it follows from the shape of the block.
+        e is None or a word if it follows from the shape of the block. Its scatter is then the measured one.
         """
-        if self.restitution is not None or restitution is None or isinstance(restitution, str):
-            return self.half_widths
+        if self.restitution is not None:
+            return {**self.half_widths}
+        # Real blocks differ from Housner's formula, and runs are compared with real blocks.
+        if restitution is None or isinstance(restitution, str):
+            return {**self.half_widths, "restitution": MEASURED}
         # Use at most half of the loss, so that every run has a loss.
         e = float(restitution)
-        return self.half_widths | {"restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
+        return {**self.half_widths, "restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
 
     def seeded(self, seed: int) -> Ensemble:
         """Return the ensemble with this seed, unless it already has a seed."""
