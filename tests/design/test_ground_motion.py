@@ -182,7 +182,7 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
             {"requirements": tpd.limits.Requirements(wall_contacts=0.2), "ensemble": tpd.Ensemble(size=4)},
             "`ensemble.size` needs harmonics",
         ),
-        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` needs harmonics"),
+        ({"ensemble": tpd.Ensemble(periods=40)}, "`ensemble.periods` needs harmonics"),
         (
             {"limits": (tpd.limits.Reserve(),)},
             "`limits` under ground motions must be Stroke, .*Clearance, but has",

@@ -48,8 +48,11 @@ def test_similar_tilts_of_both_give_a_verdict_of_agreement():
 def test_a_harmonic_is_followed_with_the_starts_of_the_ensemble():
     scene = tpd.paper_scene()
     scene = replace(scene, block=replace(scene.block, restitution="housner", friction=0.0))
+    # Without the pendulum, and at a larger amplitude, the motion is chaotic.
+    scene = replace(scene, excitation=replace(scene.excitation, amplitude=0.0115))
     with_it = tpd.Pendulum(mass=0.4 * float(scene.block.mass), length=0.08, damping_ratio=0.3)
-    assert_alike(compared(scene, with_it, runs=3, periods=12), 0.05)
+    found = compared(scene, with_it, runs=4, periods=12)
+    np.testing.assert_allclose(found.finer[0].tilt, found.with_equations[0].tilt, rtol=0.05)
 
 
 def runs(tilt):

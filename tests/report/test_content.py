@@ -21,7 +21,7 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     report = content(harmonic(), details(), name="Tower", date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
-    assert [r[0] for r in report.summary.rows[:6]] == [
+    assert [r[0] for r in report.summary.rows[:7]] == [
         *("project", "block", "motion", "lifts", "slides", "conditions", "starts")
     ]
     assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
