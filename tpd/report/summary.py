@@ -7,6 +7,8 @@ import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import compared, number, percent
 from tpd.design.as_built import Build, Details
@@ -126,12 +128,19 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
 
 
 def by_start(runs: PairedRuns) -> str:
-    """Return the shares of the runs that overturn after each kind of start, with and without the pendulum."""
-    pendulum, without = (x.share_by_start() for x in (runs.with_pendulum, runs.without_pendulum))
-    shares = (
-        f"{kind} {percent(x.value, 1)} ({percent(without[kind].value, 1)})" for kind, x in pendulum.items()
-    )
-    return f"overturned with the pendulum (without it): {'; '.join(shares)}"
+    """Return the shares of the runs that overturn after each kind of start, with and without the pendulum.
+
+    If no run overturns, the text has the mean tilts.
+    """
+    cases, name = (runs.with_pendulum, runs.without_pendulum), "overturned"
+    if not any(case.is_overturned.any() for case in cases):
+        name = "mean tilt"
+    shares = []
+    for kind, rows in cases[0].starts.items():
+        values = (case.severity if name == "mean tilt" else case.is_overturned for case in cases)
+        pendulum, without = (percent(float(np.nanmean(x[rows & runs.is_answered])), 1) for x in values)
+        shares.append(f"{kind} {pendulum} ({without})")
+    return f"{name} with the pendulum (without it): {'; '.join(shares)}"
 
 
 def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
