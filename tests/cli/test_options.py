@@ -24,8 +24,8 @@ space={mass=[1, 2.5], length=0.12}
 --pendulum-mass 1 2.5 --pendulum-length 0.12
 block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; excitation={amplitude=0.3, frequency=0.5}
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
-block.base_friction=0.6
---base-friction 0.6
+block={base_friction=0.6, effective_width=0.9}
+--base-friction 0.6 --effective-width 0.9
 limits={stroke=0.4, clearance=false}
 --stroke 0.4 --no-walls
 bob.shape='cylinder'; block.cavity_width=0.08

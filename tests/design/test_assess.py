@@ -77,13 +77,16 @@ def test_ground_motions_are_followed_at_all_scales():
     assert found.runs.tilt.size == motions * len(set(found.problem.conditions.scales))
 
 
-def test_alternatives_are_those_of_statics():
-    problem = problem_of(SCENE, conditions=tpd.Conditions.exactly(), limits=())
-    alone, block = problem.at_rest, SCENE.block
+@pytest.mark.parametrize("share", [1.0, 0.9])
+def test_alternatives_are_those_of_statics(share):
+    block = dataclasses.replace(SCENE.block, effective_width=share)
+    scene = dataclasses.replace(SCENE, block=block)
+    problem = problem_of(scene, conditions=tpd.Conditions.exactly(), limits=())
+    alone = problem.at_rest
     found = alternatives(problem)
     # Moments about the corner: the tie pulls at the height 2 b.
     f = alone.peak
-    assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 - 0.05 * 0.2))
+    assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 * share - 0.05 * 0.2))
     wide = dataclasses.replace(SCENE, block=dataclasses.replace(block, width=found.width, cavity_width=None))
     assert wide.uplift == pytest.approx(f)
     # An undamped oscillator passes on 1/(r^2 - 1) at r times its frequency.

@@ -3,6 +3,7 @@ motion where openseespy is installed."""
 
 import math
 import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import tpd
 from tpd.engines import mjcf, opensees
+from tpd.engines.rigid_body import body_of
 
 tkinter = pytest.importorskip("tkinter")
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
@@ -48,6 +50,16 @@ def stubbed(text: str) -> tuple[list[tuple[str, ...]], list[str]]:
 
 OWN = 9000.0 * (0.5**2 + 3.0**2) / 3.0
 """Moment of inertia of the column about its centre, kg m^2."""
+
+
+def test_bodies_touch_the_base_within_their_effective_width():
+    block = replace(COLUMN, effective_width=0.9)
+    scenes = tpd.Scene(COLUMN, PULSE), tpd.Scene(block, PULSE)
+    whole, narrow = (body_of(scene, scene.ground_parameters(PENDULUM), 0.6) for scene in scenes)
+    assert narrow.half_width == pytest.approx(0.9 * whole.half_width, rel=1e-15)
+    # Mass and moment of inertia are those of the whole block.
+    assert (narrow.mass, narrow.inertia) == pytest.approx((whole.mass, whole.inertia), rel=1e-14)
+    assert narrow.housner == pytest.approx(float(block.velocity_ratio), rel=1e-14)
 
 
 def test_the_text_for_mujoco_has_the_masses_of_the_scene():

@@ -30,7 +30,7 @@ def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block
         (tpd.Scene(changed(friction=0.1).block, COLUMN.excitation), "with other excitation and losses than"),
     ):
         assert words.origin(scene).startswith(f"the paper's block (Collini et al. 2016) {said}")
-    for size in ("height", "mass", "radius_of_gyration"):
+    for size in ("height", "mass", "radius_of_gyration", "effective_width"):
         assert words.origin(changed(**{size: 0.2})) == "a block of your own"
 
 
@@ -46,6 +46,12 @@ def test_lines_have_block_motion_and_losses_in_si_units():
 def test_the_cavity_is_described():
     assert ", cavity 0.08 m wide; " in words.scene_lines(PAPER)[1]
     assert ", cavity 0.06 m wide; " in words.scene_lines(changed(cavity_width=0.06))[1]
+
+
+def test_the_part_of_the_width_on_which_a_block_rocks_is_described():
+    block = words.scene_lines(changed(effective_width=0.9))[0]
+    assert "0.1 m wide, 0.4 m high, 16.22 kg, rocks on 90 % of its width, cavity 0.08 m wide" in block
+    assert "slenderness 0.225; topples at 0.2213 rad" in block
 
 
 def test_the_threshold_of_uplift_is_that_of_the_closed_form():

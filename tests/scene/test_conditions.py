@@ -216,8 +216,8 @@ def test_housners_restitution_can_vary_in_runs():
     apart = some.column("restitution") - 1.0
     np.testing.assert_array_equal(scattered.e, np.clip(np.asarray(q.e) + apart, 0.0, 1.0))
     assert some.description == (
-        "40 samples of mass within 10%, difference from Housner's e normal with mean -0.01 and standard "
-        "deviation 0.03 (e at most 1) (seed 2)",
+        "40 samples of mass within 10%, e normal with mean Housner's e -0.01 and standard deviation 0.03 "
+        "(seed 2)",
     )
 
 

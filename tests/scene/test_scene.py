@@ -1,11 +1,16 @@
 """From SI units to the dimensionless parameters, and what a scene refuses."""
 
+import math
+from dataclasses import replace
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tpd import Block, Harmonic, Pendulum, Scene, paper_scene, steady_state
+from tpd.scene.parameters import NAMES
 from tpd.scene.scene import STANDARD_GRAVITY
 from tpd.theory import uplift
 
@@ -144,6 +149,43 @@ def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
     p = Scene(block, Harmonic(**MOTION)).parameters()
     assert p.e is None
     assert p.velocity_ratio == block.velocity_ratio
+
+
+def test_a_block_rocks_on_a_part_of_its_width():
+    """The base is narrower, but mass and radius of gyration are those of the whole block."""
+    whole = Block(**BLOCK)
+    gyration = math.sqrt((whole.width**2 + whole.height**2) / 12.0)
+    narrow = replace(whole, effective_width=0.9)
+    other = Block(**BLOCK | {"width": 0.9 * BLOCK["width"]}, radius_of_gyration=gyration)
+    assert narrow.base_width == other.width
+    p, q = (Scene(block, Harmonic(**MOTION)).parameters() for block in (narrow, other))
+    for name in NAMES:
+        if name != "e":
+            assert getattr(p, name) == pytest.approx(getattr(q, name), rel=1e-15), name
+    assert (p.rho, p.e) == (narrow.inertia_ratio, None)
+    assert narrow.velocity_ratio == pytest.approx(other.velocity_ratio, rel=1e-15)
+    assert narrow.velocity_ratio > whole.velocity_ratio
+    stated = replace(whole, radius_of_gyration=0.13)
+    narrow = replace(stated, effective_width=0.9)
+    a, b = 0.45 * whole.width, 0.5 * whole.height
+    assert narrow.inertia_ratio == pytest.approx(b**2 / (a**2 + b**2 + 0.13**2), rel=1e-15)
+
+
+def test_a_block_that_rocks_on_its_whole_width_is_the_block_without_a_statement():
+    assert Block(**BLOCK, effective_width=1.0) == Block(**BLOCK, effective_width=1) == Block(**BLOCK)
+    for wrong in (0.0, 1.01, -0.9):
+        with pytest.raises(ValueError, match="`effective_width` must be"):
+            Block(**BLOCK, effective_width=wrong)
+
+
+def test_the_effective_width_has_a_gradient():
+    def rate(share: Any) -> Any:
+        block = replace(Block(**BLOCK, effective_width=0.9), effective_width=share)
+        p = Scene(block, Harmonic(**MOTION)).parameters()
+        return p.rho * p.nu + p.velocity_ratio
+
+    h = 1e-6
+    assert jax.grad(rate)(0.9) == pytest.approx((rate(0.9 + h) - rate(0.9 - h)) / (2.0 * h), rel=1e-7)
 
 
 def test_housner_s_ratio_takes_the_bob_along():

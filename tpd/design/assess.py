@@ -89,7 +89,8 @@ def alternatives(problem: Problem) -> Alternatives:
     lifts = alone.uplift * gravity
     periods, damping = problem.isolation()
     tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
-    width = float(block.height) * (alone.peak - float(block.friction))
+    # The block rocks on the same share of a wider base.
+    width = float(block.height) * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
     return Alternatives(tie, width, alone.peak, periods, damping, lifts)
 
 

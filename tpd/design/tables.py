@@ -318,6 +318,7 @@ TABLES: dict[str, dict[str, Key]] = {
         PAPER.block,
         **{"width": "M", "height": "M", "mass": "KG", "friction": "K", "restitution": "E"},
         **{"radius_of_gyration": "M", "cavity_width": "--cavity M", "base_friction": "X"},
+        effective_width="SHARE",
     ),
     "excitation": {
         **under(_HARMONIC, keys_of(Harmonic, PAPER.excitation, amplitude="M", frequency="HZ")),

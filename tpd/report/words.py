@@ -245,7 +245,7 @@ def origin(scene: Scene) -> str:
     # The numbers decide, because a job file may list the paper's numbers without naming the paper.
     paper = paper_scene()
     block, original = scene.block, paper.block
-    sizes = "width", "height", "mass", "radius_of_gyration"
+    sizes = "width", "height", "mass", "radius_of_gyration", "effective_width"
     if any(getattr(block, key) != getattr(original, key) for key in sizes):
         return "a block of your own"
     same = {
@@ -305,6 +305,8 @@ def _block(scene: Scene) -> str:
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
     gyration, wide = block.radius_of_gyration, block.cavity_width
     shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
+    if block.effective_width is not None:
+        shape += f", rocks on {percent(float(block.effective_width))} of its width"
     # The cavity is always mentioned, because a bob needs one.
     cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"

@@ -59,8 +59,7 @@ class Normal(NamedTuple):
         return np.array([quantile(x) for x in np.clip(unit, 0.00135, 0.99865)])
 
     def __str__(self) -> str:
-        about = f"normal with mean {self.mean:g} and standard deviation {self.deviation:g}"
-        return f"difference from Housner's e {about} (e at most 1)"
+        return f"e normal with mean Housner's e {self.mean:+g} and standard deviation {self.deviation:g}"
 
 
 MEASURED = Normal(-0.01, 0.03)

@@ -72,6 +72,7 @@ class Block:
         restitution: velocity ratio e at an impact, in (0, 1], or "housner" (default).
         cavity_width: width of the space in which the bob swings, m; default not stated.
         base_friction: coefficient of friction of the base, dimensionless; default not known.
+        effective_width: share of the width on which the block rocks, in (0, 1]; default all of it.
 
     Raises:
         ValueError: a size, mass, friction or restitution is out of range, the block is too wide for the
@@ -106,12 +107,21 @@ class Block:
     base_friction: Real | None = None
     """Coefficient of friction between the base and the ground, dimensionless. It decides whether the block
     slides before it rocks, and does not change any motion. Default: not known."""
+    effective_width: Real | None = None
+    """Share of `width` on which the block rocks, in (0, 1]. A base with worn edges or a soft bearing rocks on
+    corners that lie inside: four wooden blocks had shares from 0.70 to 0.91 in tests. It changes nu, rho and
+    Housner's e, but not the mass, the cavity or the drawing. Default: the whole width, as with 1."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
         for name in ("width", "height", "mass"):
             checks.positive(name, getattr(self, name), every=True)
         check_proportions(self.width, self.height, self.mass)
+        if self.effective_width is not None:
+            checks.positive("effective_width", self.effective_width, 0.0, 1.0, every=True)
+            # With the whole width rho of a uniform rectangle follows nu, see `dimensionless`.
+            if checks.is_concrete(self.effective_width) and np.all(self.effective_width == 1.0):
+                object.__setattr__(self, "effective_width", None)
         self._check_losses()
         # A block that is not a uniform rectangle states its radius of gyration.
         if (radius := self.radius_of_gyration) is not None:
@@ -179,14 +189,19 @@ class Block:
         return 0.5 * self.height
 
     @property
+    def base_width(self) -> Real:
+        """Width on which the block rocks, 2a, m."""
+        return self.width if self.effective_width is None else self.width * self.effective_width
+
+    @property
     def slenderness(self) -> Real:
         """Slenderness nu = a/b."""
-        return self.width / self.height
+        return self.base_width / self.height
 
     @property
     def inertia_ratio(self) -> Real:
         """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c."""
-        return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
+        return _inertia_ratio(vars(self))
 
     @property
     def velocity_ratio(self) -> Real:
@@ -387,8 +402,8 @@ class Scene:
         # Keys without a value are left out, so that rho and e follow the other quantities.
         if not isinstance(block.restitution, str):
             out["restitution"] = block.restitution
-        if block.radius_of_gyration is not None:
-            out["radius_of_gyration"] = block.radius_of_gyration
+        shape = {name: getattr(block, name) for name in ("radius_of_gyration", "effective_width")}
+        out |= {name: value for name, value in shape.items() if value is not None}
         out |= self.excitation.quantities
         out |= {"gravity": self.gravity, "pendulum_mass": pendulum.mass, "pendulum_length": pendulum.length}
         return out | {"pendulum_damping": pendulum.damping_ratio}
@@ -467,11 +482,11 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters by name from `Scene.quantities`, without checks.
 
     The quantities are numbers, arrays that broadcast, or traced values. rho is None without a
-    `radius_of_gyration`, and e is None without a `restitution`.
+    `radius_of_gyration` and an `effective_width`, and e is None without a `restitution`.
     """
-    half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
-    rho = _inertia_ratio(q["width"], q["height"], radius)
-    nu = q["width"] / q["height"]
+    half_height, share, rho = 0.5 * q["height"], q.get("effective_width"), _inertia_ratio(q)
+    nu = (q["width"] if share is None else q["width"] * share) / q["height"]
+    is_rectangle = share is None and q.get("radius_of_gyration") is None
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
     # A ground motion has a peak acceleration, and a harmonic has an amplitude of the displacement.
@@ -486,16 +501,20 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "f": peak / q["gravity"],
         "xi": omega / rate,
         # None means that rho and e follow the other parameters, also if these are varied later.
-        "rho": None if radius is None else rho,
+        "rho": None if is_rectangle else rho,
         "e": q.get("restitution"),
     }
 
 
-def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:
-    if radius is None:
-        return uniform_inertia_ratio(width / height)
-    a, b = 0.5 * width, 0.5 * height
-    return b**2 / (a**2 + b**2 + radius**2)
+def _inertia_ratio(q: Mapping[str, Any]) -> Any:
+    radius, share = q.get("radius_of_gyration"), q.get("effective_width")
+    if radius is None and share is None:
+        return uniform_inertia_ratio(q["width"] / q["height"])
+    a, b = 0.5 * q["width"], 0.5 * q["height"]
+    # The radius of gyration is that of the whole block, also if it rocks on a part of its width.
+    square = (a**2 + b**2) / 3.0 if radius is None else radius**2
+    a = a if share is None else a * share
+    return b**2 / (a**2 + b**2 + square)
 
 
 def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
