@@ -10,7 +10,7 @@ from tpd.cli import main
 from tpd.engines.comparison import EngineVerdict
 from tpd.engines.comparison import mujoco as compared
 from tpd.engines.rollouts import EngineRuns
-from tpd.report.files import add_engine
+from tpd.report.files import ENGINE, add_section
 
 pytest.importorskip("mujoco")
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
@@ -81,13 +81,13 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
     (tmp_path / "report.txt").write_text("A PENDULUM WAS FOUND\nlines\n")
     (tmp_path / "report.html").write_text('<body>\n<p class="verdict">found</p>\n</body>\n')
     for again in (wrong, unsure, wrong):
-        add_engine(tmp_path, again)
+        add_section(tmp_path, ENGINE, str(again), again.warning)
         text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
         assert text.startswith(again.warning)
         assert text.count("DANGER") == 2
         assert page.count("Independent contact engine") == 1
         assert page.index("DANGER") < page.index("verdict")
-    add_engine(tmp_path, sound)
+    add_section(tmp_path, ENGINE, str(sound), sound.warning)
     assert (tmp_path / "report.txt").read_text().startswith("A PENDULUM WAS FOUND")
     assert "DANGER" not in (tmp_path / "report.html").read_text()
 

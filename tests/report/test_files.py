@@ -12,7 +12,7 @@ from tests.report.conftest import details, harmonic, rejected, tuned
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
-from tpd.report.files import add_engine, motion_csv, response_csv, write
+from tpd.report.files import ENGINE, FRAGILITY, add_section, motion_csv, response_csv, write
 
 
 def stub(name: str, *_) -> bytes:
@@ -111,13 +111,25 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
     (tmp_path / "report.html").write_text('<body>\n<p class="verdict note">verdict</p>\n</body>\n')
     for warning in ("DANGER: by MuJoCo it harms", ""):
         found = Verdict(engine="MuJoCo", warning=warning)
-        assert [p.name for p in add_engine(tmp_path, found)] == ["report.txt", "report.html"]
+        assert [p.name for p in add_section(tmp_path, ENGINE, str(found), warning)] == [
+            "report.txt",
+            "report.html",
+        ]
         text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
         assert text.startswith(warning or "verdict")
         assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
         assert text.count("Independent contact engine\n") == 1
         assert page.count('<p class="danger">') == bool(warning)
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
+
+
+def test_sections_of_several_commands_stand_one_after_another(tmp_path):
+    (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
+    for title, content in ((ENGINE, "table 1"), (FRAGILITY, "medians"), (ENGINE, "table 2")):
+        add_section(tmp_path, title, content)
+    text = (tmp_path / "report.txt").read_text()
+    engine, fragility = (f"{title}\n{'-' * len(title)}\n" for title in (ENGINE, FRAGILITY))
+    assert text == f"verdict\n\nbody\n\n{engine}table 2\n\n{fragility}medians\n"
 
 
 def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_numbers(tmp_path, monkeypatch):

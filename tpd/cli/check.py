@@ -128,7 +128,7 @@ def _check_by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Name
     # A pendulum of the options has no report.
     if options.design is not None:
         directory = options.design if options.design.is_dir() else options.design.parent
-        for path in files.add_engine(directory, comparison):
+        for path in files.add_section(directory, files.ENGINE, str(comparison), comparison.warning):
             print(f"written: {path}")
     if pendulum is None:
         print("The report has no pendulum. The engine simulated only the block without a pendulum.")

@@ -1,6 +1,7 @@
 """Files of a report in one folder: text, JSON, job file, tables, pictures and HTML page.
 
-The result of an independent contact engine can be added to the text and the page later."""
+Results of other commands, such as those of an independent contact engine, can be added to the text and the
+page later."""
 
 from __future__ import annotations
 
@@ -24,10 +25,10 @@ from tpd.report.json import as_json
 from tpd.report.render import html, text
 from tpd.scene.quantities import UNITS
 
-_TITLE = "Independent contact engine"
-"""Title of the section with the result of a contact engine."""
-_MARK = "<!-- engine -->"
-"""Comment in the HTML page before and after everything that a second run of an engine replaces."""
+ENGINE, FRAGILITY = "Independent contact engine", "Fragility under earthquakes"
+"""Titles of the sections that other commands add to a report."""
+_MARKS = {ENGINE: "<!-- engine -->", FRAGILITY: "<!-- fragility -->"}
+"""Comments in the HTML page before and after everything that a second run of a command replaces."""
 
 
 def write(
@@ -186,38 +187,45 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     return files.as_table(columns)
 
 
-def add_engine(directory: Path, verdict: Any) -> list[Path]:
-    """Add the result of a contact engine to a report, and return the paths of the files that were changed.
+def add_section(directory: Path, title: str, content: str, warning: str = "") -> list[Path]:
+    """Add the result of another command to a report, and return the paths of the files that were changed.
 
     A warning is added before the verdict, and a section at the end. They replace those of an earlier run.
 
     Args:
         directory: folder of the report.
-        verdict: the result, an `EngineVerdict`.
+        title: title of the section, `ENGINE` or `FRAGILITY`.
+        content: text of the section.
+        warning: text of the warning; empty without one.
     """
     written = []
     for name, add in (("report.txt", _add_to_text), ("report.html", _add_to_page)):
         path = directory / name
         if path.exists():
-            written.append(files.place(path, add(path.read_text(encoding="utf-8"), verdict)))
+            changed = add(path.read_text(encoding="utf-8"), title, content, warning)
+            written.append(files.place(path, changed))
     return written
 
 
-def _add_to_text(report: str, verdict: Any) -> str:
-    # A plain text has no marks: the section of an earlier run is recognised by its title, and its warning by
-    # the name of the engine in the first line.
-    lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
-    if "MuJoCo" in lines[0]:
+def _add_to_text(report: str, title: str, content: str, warning: str) -> str:
+    # A plain text has no marks: a section of an earlier run is recognised by its title, and the warning of an
+    # engine by the name of the engine in the first line.
+    first, *sections = re.split(rf"\n({ENGINE}|{FRAGILITY})\n-+\n", report.rstrip("\n"))
+    added = dict(zip(sections[::2], sections[1::2], strict=True)) | {title: content}
+    lines = first.rstrip("\n").split("\n")
+    if title == ENGINE and "MuJoCo" in lines[0]:
         lines = lines[1:]
-    head = [verdict.warning] if verdict.warning else []
-    return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"
+    head = [warning] if warning else []
+    ends = (line for name, text in added.items() for line in ("", name, "-" * len(name), text.rstrip("\n")))
+    return "\n".join([*head, *lines, *ends]) + "\n"
 
 
-def _add_to_page(page: str, verdict: Any) -> str:
+def _add_to_page(page: str, title: str, content: str, warning: str) -> str:
     # Everything between two marks comes from an earlier run.
-    page = re.sub(f"{_MARK}.*?{_MARK}\n", "", page, flags=re.DOTALL)
-    if verdict.warning:
-        head = f'{_MARK}<p class="danger">{escape(verdict.warning)}</p>{_MARK}\n'
+    mark = _MARKS[title]
+    page = re.sub(f"{mark}.*?{mark}\n", "", page, flags=re.DOTALL)
+    if warning:
+        head = f'{mark}<p class="danger">{escape(warning)}</p>{mark}\n'
         page = page.replace('<p class="verdict', head + '<p class="verdict', 1)
-    section = f"<section>\n<h2>{_TITLE}</h2>\n<pre>{escape(str(verdict))}</pre>\n</section>"
-    return page.replace("</body>", f"{_MARK}{section}{_MARK}\n</body>", 1)
+    section = f"<section>\n<h2>{title}</h2>\n<pre>{escape(content)}</pre>\n</section>"
+    return page.replace("</body>", f"{mark}{section}{mark}\n</body>", 1)
