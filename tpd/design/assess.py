@@ -130,7 +130,6 @@ class Assessment(Printed):
             return needless(self.problem)
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
-        # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
         varied = f"{problem.begin_of_runs} {scatter}"
         lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
@@ -138,6 +137,10 @@ class Assessment(Printed):
             is_sample = problem.has_earthquakes or runs is self.runs
             for at, rows in levels.items() or [("", slice(None))]:
                 lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")
+        # The share depends much on the start, and a structure is at rest before it is shaken.
+        starts = self.runs.starts if len(self.runs.starts) > 1 else {}
+        for kind, rows in starts.items():
+            lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
         lines.append(sliding(problem.scene, problem.stated_motions))
         # If the base slides, the runs do not describe the block.
         return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))

@@ -104,7 +104,7 @@ class HarmonicProblem(Problem):
     }
     pictures = *Problem.pictures, "conditions", "motion"
     has_earthquakes: ClassVar[bool] = False
-    begin_of_runs: ClassVar[str] = "Validation runs, some of them after a disturbance, with"
+    begin_of_runs: ClassVar[str] = "Validation runs with"
     attempts: ClassVar[int] = 3
     further: ClassVar[int] = 32
 
