@@ -12,6 +12,7 @@ from tpd.answers.motion_history import motion_history
 from tpd.design.as_built import (
     Details,
     Loads,
+    bases_of,
     build_of,
     details,
     free_swing,
@@ -162,6 +163,14 @@ def test_the_benefit_is_compared_on_both_sides_of_what_is_stated(harmonic, rejec
     assert cases[0].runs.benefit.mean == pytest.approx(found[""].low.mean, abs=1e-12)
     assert [case.velocity_ratio < 1.0 for case in cases] == [False, True, True]
     assert sensitivity_of(rejected) == losses_of(rejected) == ()
+
+
+def test_a_narrower_base_is_a_smaller_slenderness_with_the_same_walls(harmonic, rejected):
+    whole, narrow = bases_of(harmonic)
+    assert whole.benefit == sensitivity_of(harmonic)[0].low
+    np.testing.assert_allclose(narrow.with_pendulum.nu, 0.9 * np.asarray(whole.with_pendulum.nu), rtol=1e-12)
+    np.testing.assert_array_equal(narrow.with_pendulum.mu, whole.with_pendulum.mu)
+    assert bases_of(rejected) == ()
 
 
 def test_on_ground_motions_the_comparison_is_of_the_motions_that_are_held_out(ground):

@@ -7,6 +7,7 @@ import numpy as np
 import tpd
 from tests.report.conftest import SCENE, details, harmonic, rejected
 from tpd.answers.statistics import Interval
+from tpd.core.formatting import with_and_without
 from tpd.design.as_built import Parts, Sensitivity
 from tpd.report import construction
 from tpd.report.blocks import Listing, Table, Text
@@ -96,6 +97,16 @@ def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
     assert said == Text("If varied as in column 3, these make the benefit insignificant: slenderness ν.")
     *_, said = construction.section(harmonic(), dataclasses.replace(details(), sensitivity=varied[:1]))
     assert said == Text("The benefit remains significant in all of these cases.")
+
+
+def test_a_narrower_base_is_compared_with_the_stated_one():
+    text = construction.section(harmonic(), details())[-3].text
+    # nu + k: 0.25 + 0.05, and 0.225 + 0.05.
+    assert "On 90 % this block without a pendulum would lift at 0.275 g instead of 0.3 g" in text
+    whole, narrow = (runs.change("overturned") for runs in details().bases)
+    assert narrow.without_pendulum > whole.without_pendulum
+    for change in (whole, narrow):
+        assert with_and_without(change.with_pendulum, change.without_pendulum) in text
 
 
 def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
