@@ -471,13 +471,15 @@ def under_each(p: Parameters, designs: Any, factors: np.ndarray) -> Parameters:
         p: dimensionless parameters.
         designs: (mu, lam, zeta) along the first axis.
         factors: factors in the order of `FACTORS` along the first axis. A factor 1 + d of restitution adds d
-            to Housner's e, because measurements state the difference from it. The sum stays within 0 and 1.
+            to Housner's e, because measurements state the difference from it. The sum is at least 0, and
+            at most 0.999 unless Housner's e is larger.
     """
     # All leaves need the same length, so that rho and e become numbers. They may differ between conditions.
     q = under(p, designs, factors)
     e = np.asarray(q.velocity_ratio)
-    # A number e has its factor already. No impact adds energy, and none throws the block back.
-    e = np.clip(e + (factors[-1] - 1.0), 0.0, 1.0) if q.e is None else e
+    # A number e has its factor already. No impact throws the block back, and each one loses energy: a block
+    # without any loss would never come to rest.
+    e = np.clip(e + (factors[-1] - 1.0), 0.0, np.maximum(e, 0.999)) if q.e is None else e
     values = {**vars(q), "rho": q.inertia_ratio, "e": e}
     leaves: dict[str, Any] = {n: np.broadcast_to(x, factors.shape[1]) for n, x in values.items()}
     return Parameters(**leaves)
