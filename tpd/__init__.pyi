@@ -4,6 +4,7 @@ from . import engines as engines
 from . import limits as limits
 from . import records as records
 from . import theory as theory
+from .answers.annual_rates import annual_rates as annual_rates
 from .answers.attractors import attractors as attractors
 from .answers.auto import Auto as Auto
 from .answers.compare_models import check as check
@@ -45,6 +46,7 @@ from .scene.conditions import Conditions as Conditions
 from .scene.ensemble import Ensemble as Ensemble
 from .scene.ensemble import Starts as Starts
 from .scene.ground_motion import Pulse as Pulse
+from .scene.hazard import Hazard as Hazard
 from .scene.parameters import Parameters as Parameters
 from .scene.record import Record as Record
 from .scene.scene import Block as Block

@@ -38,7 +38,7 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
 @EACH
 def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
     text = new.template(kind)
-    motion = text[text.index("[excitation]") : text.index("[bob]")]
+    motion = text[text.index("[excitation]") : text.index("# [hazard]")]
     # A job has one kind of motion: the optional keys of the others stay comments.
     complete = text.replace(motion, re.sub("# .*", "", motion))
     complete = re.sub(r"^# (?=\[|\w+ = )", "", complete, flags=re.MULTILINE)
@@ -77,7 +77,7 @@ def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind
 @EACH
 def test_a_pulse_or_records_can_replace_the_harmonic(kind):
     text = new.template(kind)
-    motion = text[text.index("[excitation]") : text.index("[bob]")]
+    motion = text[text.index("[excitation]") : text.index("# [hazard]")]
     optional = [line for line in motion.splitlines() if re.match(r"# \w+ = ", line)]
     assert [line.split()[1] for line in optional] == [*PULSE, *RECORD_KEYS]
     for keys in (PULSE, RECORD_KEYS):

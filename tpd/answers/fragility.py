@@ -23,7 +23,7 @@ from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, compared
-from tpd.records.intensity import intensity_of
+from tpd.records.intensity import intensity_of, measure_of
 from tpd.scene.ground_motion import (
     LEAST_EARTHQUAKES,
     STANDARD_GRAVITY,
@@ -31,6 +31,7 @@ from tpd.scene.ground_motion import (
     earthquakes_of,
     refuse_zeros,
 )
+from tpd.scene.hazard import Measure
 from tpd.scene.scene import Block, Pendulum
 from tpd.theory.equations import Terms
 
@@ -94,6 +95,8 @@ class Fragility(Printed, Cases):
         p_values: p-values of the difference between the cases, by damage state, shape (stripes,).
         p_medians: p-value of the difference between the medians of the cases, by damage state.
         tilts: largest tilt divided by the slenderness, shape (cases, motions, stripes).
+        quakes: number of the earthquake of each motion.
+        measure: quantity of the stripes, with one of them in SI units.
         first_crossings: median of the lowest stripe that reaches a state, by damage state.
         changed: share of the outcomes that the nonlinear equations change, for each case.
         unanswered: number of runs without an answer with the nonlinear equations, for each case.
@@ -118,6 +121,10 @@ class Fragility(Printed, Cases):
     tilts: np.ndarray
     """Largest tilt divided by the slenderness, shape (cases, motions, stripes). Infinite if the block
     overturns, NaN without an answer."""
+    quakes: np.ndarray
+    """Number of the earthquake of each motion, shape (motions,)."""
+    measure: Measure
+    """Quantity of the stripes, with a stripe of 1 in SI units."""
     first_crossings: dict[str, tuple[float, ...]]
     """Median of the lowest stripe that reaches a state, by damage state and for each case. Infinite if fewer
     than half of the motions reach it. The value depends on the stripes, and is below the median of the curve
@@ -307,6 +314,8 @@ def fragility(
         p_values=p_values,
         p_medians=p_medians,
         tilts=exact.tilt / nu,
+        quakes=quakes,
+        measure=measure_of(intensity, block, gravity, period),
         first_crossings=crossings,
         changed=changed,
         unanswered=unanswered,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.answers.annual_rates import HOW_TO, AnnualRates, annual_rates
 from tpd.answers.fragility import Fragility, fragility
 from tpd.answers.motion_history import sliding
 from tpd.answers.run_table import CASE_KEYS
@@ -18,9 +19,10 @@ from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
-from tpd.records.intensity import intensity_of
+from tpd.records.intensity import intensity_of, measure_of
 from tpd.records.read import in_words
 from tpd.report.blocks import wrapped
+from tpd.report.json import json_of
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
@@ -32,6 +34,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
     # The header compares the strongest motion with the acceleration that lifts the block.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
+    if (hazard := job.hazard) is not None:
+        hazard.factor(measure_of(job.intensity, scene.block, scene.gravity, options.period))
     scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
     strongest = max(float(m.pga) for m in scaled)
     block = scene.block
@@ -51,15 +55,19 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             progress=lambda done, total: bar("ground motions", done, total),
         )
     friction = wrapped(sliding(scene, scaled, pendulum))
-    print_answer("", str(curves), *friction)
+    rates = None if hazard is None else annual_rates(curves, hazard, seed=job.seed)
+    yearly = (HOW_TO,) if rates is None else rates.sentences
+    print_answer("", str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction)
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
-    outputs.write(options.out, _tables(job, pendulum, curves), pictures)
+    outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures)
     return SOUND
 
 
-def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility) -> Iterator[tuple[str, str]]:
+def _tables(
+    job: Job, pendulum: Pendulum | None, curves: Fragility, rates: AnnualRates | None
+) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files of numbers."""
     yield "fragility.csv", files.as_table(curves.columns())
     # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.
@@ -71,6 +79,7 @@ def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility) -> Iterator[
         "earthquakes": curves.earthquakes,
         "p_values": curves.p_values and {name: p.tolist() for name, p in curves.p_values.items()},
         "fits": {name: _fits(curves, name) for name in curves.without_pendulum},
+        "annual_rates": json_of(rates),
         "first_crossings": {k: list(v) for k, v in curves.first_crossings.items()},
         "changed_by_nonlinear_equations": None if curves.changed is None else list(curves.changed),
         "undecided_by_nonlinear_equations": None if curves.unanswered is None else list(curves.unanswered),

@@ -125,7 +125,7 @@ class Assessment(Printed):
     @property
     def verdict(self) -> str:
         """Lines on whether the block stays at rest, slides, rocks or overturns: the stated block first, then
-        the blocks that vary, at each level of the excitation."""
+        the blocks that vary, at each level of the excitation, and the annual rate of overturning."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
         problem = self.problem
@@ -141,6 +141,7 @@ class Assessment(Printed):
         starts = self.runs.starts if len(self.runs.starts) > 1 else {}
         for kind, rows in starts.items():
             lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
+        lines += [f"{text}." for text in problem.yearly(self.runs)]
         lines.append(sliding(problem.scene, problem.stated_motions))
         # If the base slides, the runs do not describe the block.
         return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import root_scalar
 
+from tpd.answers.annual_rates import HOW_TO, AnnualRates, rates_of_outcomes
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, follow_runs, forcing_of
@@ -32,7 +33,7 @@ from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
-from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, spectral_acceleration
+from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, HalfWidth, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
@@ -154,6 +155,8 @@ class GroundMotionProblem(Problem):
         for name, usual in vars(GroundMotionProblem.defaults["ensemble"]).items():
             if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
                 raise ValueError(f"`ensemble.{name}` needs harmonics, but the conditions are ground motions")
+        if conditions.hazard is not None:
+            conditions.hazard.factor(measure_of(conditions.intensity, scene.block, scene.gravity, None))
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
         return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **checked)
 
@@ -183,7 +186,8 @@ class GroundMotionProblem(Problem):
         else:
             motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
         ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
-        return super().tables | {"excitation": motion, "ensemble": ensemble}
+        hazard = {} if self.conditions.hazard is None else self.conditions.hazard.table
+        return super().tables | {"excitation": motion, "ensemble": ensemble, "hazard": hazard}
 
     @property
     def further(self) -> int:  # type: ignore[override]
@@ -285,6 +289,29 @@ class GroundMotionProblem(Problem):
         measure = MEASURES[self.conditions.intensity].partition(";")[0]
         level = np.tile(scales, motions)
         return {f"{x:g} ({measure})": level == x for x in scales}
+
+    def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
+        """Return the annual rates of overturning in the counted runs; None without a hazard.
+
+        Args:
+            cases: validation runs without the pendulum and, if there is one, with it.
+            counted: whether each run counts; None for all.
+        """
+        if (hazard := self.conditions.hazard) is None:
+            return None
+        measure = measure_of(self.conditions.intensity, self.scene.block, self.scene.gravity, None)
+        stripes = np.array(self._scales) * hazard.factor(measure)
+        # Consecutive runs have one motion at all scales.
+        n, hits = len(stripes), [np.where(x.is_unanswered, np.nan, x.is_overturned) for x in cases]
+        motions = slice(None) if counted is None else counted[::n]
+        outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
+        return rates_of_outcomes(hazard, stripes, outcomes, self.earthquakes[::n][motions], self.seed)
+
+    def yearly(self, *cases: Runs, counted: np.ndarray | None = None) -> tuple[str, ...]:
+        """See `Problem.yearly`."""
+        rates = self.annual_rates(cases, counted)
+        # A rate needs a curve, and one level determines none.
+        return rates.sentences if rates is not None else (HOW_TO,) if self.levels else ()
 
     @property
     def earthquakes(self) -> np.ndarray:  # type: ignore[override]

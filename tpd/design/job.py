@@ -46,6 +46,7 @@ from tpd.scene.bob import Bob
 from tpd.scene.conditions import MEASURES, Conditions
 from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
+from tpd.scene.hazard import Hazard
 from tpd.scene.scene import Block, Harmonic, Scene
 
 _FEW = 9
@@ -187,6 +188,15 @@ class Job(ABC):
         """Name in `tpd.records.intensity` of the measure that the scales refer to."""
         name: str = self.full["excitation"]["intensity"]
         return OF_JOBS.get(name, name)
+
+    @cached_property
+    def hazard(self) -> Hazard | None:
+        """Seismic hazard of the site; None if the job has none."""
+        keys = self.full["hazard"]
+        if keys == {name: key.default for name, key in TABLES["hazard"].items()}:
+            return None
+        with naming("hazard"):
+            return Hazard(**keys | {"intensity": OF_JOBS.get(keys["intensity"], keys["intensity"])})
 
     @property
     def shaking(self) -> GroundMotion:
@@ -500,7 +510,7 @@ class RecordsJob(Job):
                 "use unscaled records"
             )
         with naming("excitation"):
-            return Conditions.records(self.motions, scales, intensity=intensity)
+            return Conditions.records(self.motions, scales, intensity=intensity, hazard=self.hazard)
 
     @property
     def in_words(self) -> str:
@@ -645,7 +655,7 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
     check_fit(site, job.space, ensemble, naming)
-    _ = job.risk, job.limits, job.requirements
+    _ = job.risk, job.limits, job.requirements, job.hazard
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.
     full["block"] |= {name: getattr(job.block, name) for name in ("friction", "restitution", "cavity_width")}

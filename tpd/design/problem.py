@@ -390,6 +390,16 @@ class Problem(ABC):
             progress: function of (stage, runs done, total).
         """
 
+    def yearly(self, *cases: Runs, counted: np.ndarray | None = None) -> tuple[str, ...]:
+        """Return sentences, without full stops, on how often a year the block overturns under ground motions
+        of several levels.
+
+        Args:
+            cases: validation runs without the pendulum and, if there is one, with it.
+            counted: whether each run counts; None for all.
+        """
+        return ()
+
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the
         stage."""

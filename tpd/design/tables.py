@@ -41,6 +41,7 @@ from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, Conditions
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import PULSES, Pulse
+from tpd.scene.hazard import Hazard
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
 
 Tables = dict[str, dict[str, Any]]
@@ -326,6 +327,7 @@ TABLES: dict[str, dict[str, Key]] = {
         **keys_of(_Excitation),
         **READING,
     },
+    "hazard": under(_SHAKEN, keys_of(Hazard)),
     "bob": keys_of(Bob, shape="--bob WORD", aspect=Key(need=_CYLINDER)),
     "site": {"gravity": keys_of(Scene)["gravity"]},
     "space": keys_of(

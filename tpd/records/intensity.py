@@ -11,7 +11,8 @@ import numpy as np
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.conditions import MEASURES
-from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.ground_motion import GroundMotion, Pulse
+from tpd.scene.hazard import Measure
 from tpd.scene.record import Record
 from tpd.scene.scene import Block, Scene
 
@@ -71,6 +72,14 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         "scale": Intensity("factor", "-", lambda m: 1.0),
     }
     return measures[name]
+
+
+def measure_of(name: str, block: Block, gravity: checks.Real, period: checks.Real | None) -> Measure:
+    """Return the quantity of an intensity measure, such as PGA, with an intensity of 1 in SI units."""
+    # The measures of one quantity are proportional to each other, so that any motion shows their ratio.
+    motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
+    own, si = (intensity_of(x, block, gravity, period) for x in (name, name.partition("_")[0]))
+    return Measure(si.name, si.value(motion) / own.value(motion))
 
 
 def base_motion(motion: GroundMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

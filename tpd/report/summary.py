@@ -108,6 +108,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if design.runs is not None:
+        yield from (("rate", text) for text in yearly(design.problem, design.runs))
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.startswith(SLIDES):
@@ -151,6 +152,11 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         pendulum, without = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
         count, share = pendulum.tilt.size, f"{pendulum.share_overturned} overturn with the pendulum"
         yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
+
+
+def yearly(problem: Problem, runs: PairedRuns) -> tuple[str, ...]:
+    """Return sentences on how often a year the block overturns in the counted runs, see `Problem.yearly`."""
+    return problem.yearly(runs.without_pendulum, runs.with_pendulum, counted=runs.counted)
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:

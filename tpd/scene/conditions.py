@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from tpd.core import checks
 from tpd.scene.ground_motion import GroundMotion, Pulse, refuse_zeros
+from tpd.scene.hazard import Hazard
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Scene
 
@@ -117,6 +118,8 @@ class Conditions:
     tables: Mapping[str, Mapping[str, Any]] | None = field(default=None, compare=False)
     """Tables of a job file for these conditions of a harmonic; empty for the neighbourhood of the excitation,
     which is the default of a job, and None if no table describes them."""
+    hazard: Hazard | None = None
+    """Seismic hazard of the site, for the annual rate of overturning under ground motions."""
 
     def __post_init__(self) -> None:
         checks.instance("factors", self.factors, Mapping)
@@ -166,6 +169,7 @@ class Conditions:
             self.intensity if self.motions else other.intensity,
             self.scales or other.scales,
             _joined(self.tables, other.tables),
+            self.hazard or other.hazard,
         )
 
     def column(self, name: str) -> np.ndarray:
@@ -321,6 +325,7 @@ class Conditions:
         scatter: Mapping[str, HalfWidth] | None = None,
         samples: checks.Whole = 1,
         seed: checks.Whole = 0,
+        hazard: Hazard | None = None,
     ) -> Conditions:
         """Return every ground motion at every intensity.
 
@@ -335,6 +340,8 @@ class Conditions:
                 hypercube.
             samples: number of conditions for each motion and scale.
             seed: seed of the samples.
+            hazard: seismic hazard of the site, with which results also state how often a year the block
+                overturns.
 
         Raises:
             ValueError: there is no motion, a motion is zero, a scale is not positive, the intensity is
@@ -354,6 +361,7 @@ class Conditions:
         checks.positive("scales", each, every=True)
         samples, stated = checks.count("samples", samples), tuple(map(float, each))
         seed, scatter = checks.seed("seed", seed), {} if scatter is None else scatter
+        checks.optional("hazard", hazard, Hazard)
         checks.instance("scatter", scatter, Mapping)
         # The motion varies slowest, so that the runs of one record are neighbours in the batch.
         each = np.repeat(each, samples)
@@ -362,7 +370,7 @@ class Conditions:
         motions = "1 ground motion" if len(listed) == 1 else f"{len(listed)} ground motions, each"
         phrase = f"{motions} at {stripes} ({MEASURES[intensity]})"
         which = np.repeat(np.arange(len(listed)), len(each))
-        out = Conditions(factors, (phrase,), {}, listed, which, intensity, stated)
+        out = Conditions(factors, (phrase,), {}, listed, which, intensity, stated, hazard=hazard)
         if not scatter:
             return out
         phrase += f" with scatter of {', '.join(scatter)} (seed {seed})"
