@@ -34,7 +34,9 @@ GROUPS = {
     ),
     "Show a result": "plot explore write_report",
     "Check a block or a pendulum": "assess check paired_runs Ensemble outcomes engines",
-    "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
+    "Pulses and earthquakes": (
+        "transient critical_scale fragility Hazard annual_rates overturning_spectrum rocking_spectrum"
+    ),
     "Motions under harmonic excitation": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
         "design_map theory"

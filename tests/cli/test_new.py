@@ -38,7 +38,7 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
 @EACH
 def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
     text = new.template(kind)
-    motion = text[text.index("[excitation]") : text.index("# [hazard]")]
+    motion = text[text.index("[excitation]") : text.index("[bob]")]
     # A job has one kind of motion: the optional keys of the others stay comments.
     complete = text.replace(motion, re.sub("# .*", "", motion))
     complete = re.sub(r"^# (?=\[|\w+ = )", "", complete, flags=re.MULTILINE)
@@ -85,6 +85,20 @@ def test_a_pulse_or_records_can_replace_the_harmonic(kind):
         job = jobs.job_of(tomllib.loads(text.replace(motion, f"[excitation]\n{chosen}\n")))
         assert job.kind == ("pulse" if keys is PULSE else "records")
         assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
+        assert job.hazard is None
+
+
+@EACH
+def test_the_hazard_of_the_template_fits_the_records(kind):
+    text = new.template(kind)
+    motion = text[text.index("[excitation]") : text.index("[bob]")]
+    lines = [line[2:] for line in motion.splitlines() if re.match(r"# (\w+ = |\[hazard)", line)]
+    chosen = "\n".join(line for line in lines if line.split()[0] not in PULSE)
+    job = jobs.job_of(tomllib.loads(text.replace(motion, f"[excitation]\n{chosen}\n")))
+    assert job.hazard is job.conditions.hazard
+    assert job.hazard.measure.unit == "g"
+    # The rates in the template are those of the return periods in its comment.
+    assert [1.0 / x for x in job.hazard.rates] == pytest.approx([72, 475, 2475], rel=0.02)
 
 
 @pytest.fixture

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from tpd.answers.fragility import Fragility, Lognormal, fit_lognormal
-from tpd.answers.run_table import CASE_KEYS, Cases
+from tpd.answers.run_table import Cases
 from tpd.answers.statistics import LEVEL, Interval, quantile_of
 from tpd.core import checks
 from tpd.core.formatting import Printed, number, percent
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 from tpd.scene.hazard import Hazard
 
-HOW_TO = (
-    "Once in how many years the block overturns is not known: state the seismic hazard of the site as "
-    "`levels` and `rates` in the table [hazard] of a job file"
-)
+HOW_TO = "With the table [hazard] of the site the answer also says once in how many years the block overturns"
 """Sentence for results without a hazard, without its full stop."""
 RESAMPLES = 1000
 """Number of resamples of the bootstrap."""
@@ -75,24 +71,12 @@ class AnnualRates(Printed, Cases):
     def extrapolated(self) -> tuple[float, ...]:
         """Share of each rate from intensities beyond the stripes, where the curve is extrapolated, or beyond
         the levels of the hazard; NaN without a curve."""
-        pairs = zip(self.fits, self.cases, strict=True)
-        return tuple(
-            1.0 - self.hazard.within(*self._range, fit.median, fit.dispersion) / rate.mean
-            if rate.mean > 0.0
-            else math.nan
-            for fit, rate in pairs
-        )
-
-    @property
-    def _range(self) -> tuple[float, float]:
-        """Lowest and highest intensity up to which both the stripes and the hazard reach."""
         levels = self.hazard.levels
-        return max(self.stripes[0], levels[0]), min(self.stripes[-1], levels[-1])
-
-    def columns(self) -> dict[str, Any]:
-        """Columns of a table with a row for each case."""
-        table = {name: [getattr(rate, name) for rate in self.cases] for name in ("mean", "low", "high")}
-        return {"case": CASE_KEYS[: len(self.cases)], **table, "years": self.years}
+        low = max(self.stripes[0], levels[0])
+        # The intensities at which both the curve and the hazard are known; none if they do not overlap.
+        s = np.geomspace(low, max(low, min(self.stripes[-1], levels[-1])), 1000)
+        inside = (-np.trapezoid(fit.probability(s), self.hazard.exceeding(s)) for fit in self.fits)
+        return tuple(1.0 - float(x) / rate.mean for x, rate in zip(inside, self.cases, strict=True))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -102,16 +86,15 @@ class AnnualRates(Printed, Cases):
         if self.ratio is not None and not math.isnan(self.ratio.mean):
             times = f"{number(self.ratio.mean, 2)} times that without it"
             out.append(f"The rate with the pendulum is {times} ({_words(self.ratio)})")
-        none = f"; {self.without_fit} of them determine no curve" if self.without_fit else ""
-        kind = f"{RESAMPLES} resamples of {self.earthquakes} earthquakes, seed {self.seed}{none}"
         if self.earthquakes >= LEAST_EARTHQUAKES:
-            out.append(f"The intervals are those of a paired bootstrap ({kind})")
-        quantity, unit, last = self.hazard.measure.quantity, self.hazard.unit, self.hazard.levels[-1]
-        if any(share >= _MUCH for share in self.extrapolated):
-            shares = " and ".join(percent(x) for x in self.extrapolated if not math.isnan(x))
-            known = f"{' to '.join(number(x, 3) for x in self._range)} {unit}"
-            beyond = "beyond which the levels of the runs or those of the hazard do not reach"
-            out.append(f"{shares} of the rate comes from a {quantity} outside of {known}, {beyond}")
+            kind = f"{RESAMPLES} resamples of {self.earthquakes} earthquakes, seed {self.seed}"
+            none = f"; {self.without_fit} of them determine no curve" if self.without_fit else ""
+            out.append(f"The intervals are those of a paired bootstrap ({kind}{none})")
+        (quantity, _, unit), last = self.hazard.measure, self.hazard.levels[-1]
+        if shares := [percent(x) for x in self.extrapolated if x >= _MUCH]:
+            where = f"a {quantity} beyond the levels of the runs or of the hazard"
+            out.append(f"{' and '.join(shares)} of the rate is extrapolated: it comes from {where}")
+        # A curve that is known only far above the hazard says little on the intensities that occur.
         if far := [number(x, 3) for x in self.stripes if x > _FAR * last]:
             most = f"the last level of the hazard, {number(last, 3)} {unit}"
             out.append(f"Levels of the runs far above {most}: {', '.join(far)} {unit}")
@@ -156,10 +139,12 @@ def annual_rates(fragility: Fragility, hazard: Hazard, *, seed: checks.Whole = 0
     Example:
         >>> import tpd
         >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9595)
-        >>> motions = [tpd.Pulse.one_sine(frequency=f, acceleration=1.0) for f in (0.6, 0.7, 0.8)]
-        >>> curves = tpd.fragility(block, motions, scales=[1.0, 1.7, 1.9, 2.1], nonlinear=False)
+        >>> frequencies = 0.4, 0.5, 0.6, 0.9, 1.2, 1.6
+        >>> motions = [tpd.Pulse.one_sine(frequency=f, acceleration=1.0) for f in frequencies]
+        >>> curves = tpd.fragility(block, motions, scales=[1.2, 1.5, 2.0, 3.0, 4.0], nonlinear=False)
         >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5], intensity="pga_g")
-        >>> print(tpd.annual_rates(curves, hazard))
+        >>> round(tpd.annual_rates(curves, hazard).years[0])
+        184
     """
     checks.instance("fragility", fragility, Fragility)
     checks.instance("hazard", hazard, Hazard)
@@ -189,10 +174,12 @@ def rates_of_outcomes(
     fits = [[fit_lognormal(stripes, hit[of]) for hit in hits] for of in rows]
     # Lowest and highest rates, and their ratios, each with a row for each resample.
     low, high = np.array([[_allowed(hazard, fit) for fit in row] for row in fits]).T
-    without_fit = int(np.any(low != high, axis=0)[1:].sum())
+    # The two ends differ if the outcomes of a resample determine no curve.
+    is_open = np.any(low != high, axis=0)
+    # A lowest rate of zero has an infinite ratio.
     with np.errstate(divide="ignore"):
-        ends = (np.concatenate([a, a[1:] / b[:1]]) for a, b in ((low, high), (high, low)))
-    intervals = [_interval(*pair, n) for pair in zip(*ends, strict=True)]
+        low, high = (np.concatenate([a, a[1:] / b[:1]]) for a, b in ((low, high), (high, low)))
+    intervals = [_interval(a, b, n) for a, b in zip(low, high, strict=True)]
     return AnnualRates(
         hazard=hazard,
         stripes=stripes,
@@ -200,7 +187,7 @@ def rates_of_outcomes(
         cases=tuple(intervals[: len(hits)]),
         ratio=intervals[-1] if len(hits) > 1 else None,
         earthquakes=n,
-        without_fit=without_fit,
+        without_fit=int(is_open[1:].sum()),
         seed=seed,
     )
 
@@ -213,9 +200,9 @@ def _allowed(hazard: Hazard, fit: Lognormal) -> tuple[float, float]:
     # The probability grows with the intensity: it is 0 up to the last stripe at which no motion overturns the
     # block, and 1 from the first stripe on at which all do.
     stripes, counts, total = fit.seen
-    all_from, none_to = stripes[counts == total], stripes[counts == 0.0]
-    low = hazard.exceeding(all_from[0]) if all_from.size else 0.0
-    return low, hazard.exceeding(none_to[-1]) if none_to.size else math.inf
+    low, high = (stripes[counts == x] for x in (total, 0.0))
+    least = hazard.exceeding(low[0]) if low.size else 0.0
+    return least, hazard.exceeding(high[-1]) if high.size else math.inf
 
 
 def _interval(low: np.ndarray, high: np.ndarray, earthquakes: int) -> Interval:

@@ -192,11 +192,13 @@ class Job(ABC):
     @cached_property
     def hazard(self) -> Hazard | None:
         """Seismic hazard of the site; None if the job has none."""
-        keys = self.full["hazard"]
+        keys: dict[str, Any] = dict(self.full["hazard"])
         if keys == {name: key.default for name, key in TABLES["hazard"].items()}:
             return None
+        # Accelerations of a job file are in g.
+        keys["intensity"] = OF_JOBS.get(keys["intensity"], keys["intensity"])
         with naming("hazard"):
-            return Hazard(**keys | {"intensity": OF_JOBS.get(keys["intensity"], keys["intensity"])})
+            return Hazard(**keys)
 
     @property
     def shaking(self) -> GroundMotion:

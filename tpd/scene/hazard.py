@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ class Measure(NamedTuple):
     """Name of the quantity: PGA, PGV, or Sa with its period."""
     si: float
     """Size of the unit in m/s^2 or m/s."""
+    unit: str = ""
+    """Name of the unit."""
 
 
 @checks.keywords
@@ -39,7 +41,7 @@ class Hazard:
         >>> import tpd
         >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5], intensity="pga_g")
         >>> round(1.0 / hazard.annual_rate(0.6, 0.4))
-        2714
+        2681
     """
 
     levels: tuple[float, ...]
@@ -59,7 +61,7 @@ class Hazard:
             wrong = f"it is {self.period} and the intensity is {self.intensity}"
             raise ValueError(f"`period` (s) must be stated with the intensity sa, and only then, but {wrong}")
         if self.period is not None:
-            checks.set_checked(self, checks.positive, "period", 1e-3, 1e3, " s")
+            checks.positive("period", self.period, 1e-3, 1e3, " s")
         levels = checks.positive("levels", checks.increasing("levels", self.levels), every=True)
         of = f"{len(levels)} rates per year, one for each level"
         rates = checks.positive("rates", checks.array("rates", self.rates, levels.shape, of), every=True)
@@ -70,21 +72,17 @@ class Hazard:
             object.__setattr__(self, name, tuple(numbers.tolist()))
 
     @property
-    def unit(self) -> str:
-        """Unit of the levels."""
-        return "g" if self.intensity.endswith("_g") else "m/s" if self.intensity == "pgv" else "m/s^2"
-
-    @property
     def measure(self) -> Measure:
-        """Quantity of the levels."""
+        """Quantity and unit of the levels."""
         name = self.intensity.removesuffix("_g").upper() if self.period is None else f"Sa({self.period:g} s)"
-        return Measure(name, STANDARD_GRAVITY if self.unit == "g" else 1.0)
+        unit = "g" if self.intensity.endswith("_g") else "m/s" if name == "PGV" else "m/s^2"
+        return Measure(name, STANDARD_GRAVITY if unit == "g" else 1.0, unit)
 
     @property
     def table(self) -> dict[str, Any]:
         """Keys of the hazard in a job file, where accelerations are in g."""
-        unit = STANDARD_GRAVITY if self.unit == "m/s^2" else 1.0
-        levels = [float(f"{x / unit:.12g}") for x in self.levels]
+        size = STANDARD_GRAVITY if self.measure.unit == "m/s^2" else 1.0
+        levels = [float(f"{x / size:.12g}") for x in self.levels]
         return vars(self) | {"levels": levels, "intensity": self.intensity.removesuffix("_g")}
 
     def factor(self, other: Measure) -> float:
@@ -94,17 +92,14 @@ class Hazard:
             ValueError: the intensities are of another quantity.
         """
         if other.quantity != self.measure.quantity:
-            own = f"the hazard is over {self.measure.quantity} in {self.unit}"
-            raise ValueError(
-                f"hazard and ground motions must have the same intensity measure, but {own} and the ground "
-                f"motions have the measure {other.quantity}"
-            )
+            two = f"{self.measure.quantity} in {self.measure.unit} and {other.quantity}"
+            raise ValueError(f"hazard and ground motions must have the same intensity, but they have {two}")
         return other.si / self.measure.si
 
-    def exceeding(self, level: float) -> float:
-        """Return the annual rate at which the intensity exceeds a level."""
+    def exceeding(self, levels: Any) -> Any:
+        """Return the annual rates at which the intensity exceeds levels of any shape."""
         # A damage state without dispersion is reached whenever the intensity exceeds its median.
-        return float(self.annual_rate(level, _STEP))
+        return self.annual_rate(levels, _STEP)
 
     def annual_rate(self, median: Any, dispersion: Any) -> Any:
         """Return the annual rate of a damage state with a lognormal fragility curve.
@@ -119,48 +114,30 @@ class Hazard:
         Raises:
             ValueError: an argument is not positive and finite.
         """
-        return self.parts(median, dispersion).sum(axis=-1)
+        # SciPy takes a while to load, and a job is read without it.
+        from scipy.special import log_ndtr
 
-    def parts(self, median: Any, dispersion: Any) -> Any:
-        """Return the parts of `annual_rate` from intensities below the first level, between levels, and above
-        the last level, shape (..., levels + 1)."""
+        np_: Any = np
+        if any(map(checks.is_jax, (median, dispersion))):
+            import jax.numpy as np_
+            from jax.scipy.special import log_ndtr
         theta, beta = checks.positive("median", median, every=True), dispersion
-        beta = checks.positive("dispersion", beta, every=True)
-        np_, log_ndtr = _functions(theta, beta)
-        theta, beta = (np_.asarray(number)[..., None] for number in (theta, beta))
+        both = np_.broadcast_arrays(theta, checks.positive("dispersion", beta, every=True))
+        theta, beta = (number[..., None] for number in both)
         # In a range H = exp(y0 - m (x - x0)) with x = ln s. Multiplied by the density of the curve, this is
-        # again a normal density over z = (x - ln theta)/beta, shifted by m beta.
+        # again a normal density over z = (x - ln theta)/beta, shifted by m beta. The first and the last range
+        # have one end.
         x, y = np.log(self.levels), np.log(self.rates)
         m = -np.diff(y) / np.diff(x)
         m, x0, y0 = np.concatenate([m[:1], m, m[-1:]]), np.append(x[0], x), np.append(y[0], y)
+        m, x, x0, y0 = (number.reshape((1,) * (theta.ndim - 1) + (-1,)) for number in (m, x, x0, y0))
         shift, z = m * beta, (x - np_.log(theta)) / beta
-        low, high = z[..., :-1] + shift[..., 1:-1], z[..., 1:] + shift[..., 1:-1]
-        # Phi(high) - Phi(low) = Phi(-low) - Phi(-high): above the median the second form loses no digits.
-        large, small = (log_ndtr(np_.where(low > 0.0, -a, b)) for a, b in ((low, high), (high, low)))
-        first, last = log_ndtr(z[..., :1] + shift[..., :1]), log_ndtr(-z[..., -1:] - shift[..., -1:])
-        logs = np_.concatenate([first, large + np_.log(-np_.expm1(small - large)), last], axis=-1)
+        low, high = z + shift[..., 1:], z + shift[..., :-1]
+        # Phi(b) - Phi(a) = Phi(-a) - Phi(-b): above the median the second form loses no digits.
+        a, b = low[..., :-1], high[..., 1:]
+        large, small = (log_ndtr(np_.where(a > 0.0, -p, q)) for p, q in ((a, b), (b, a)))
+        inner = large + np_.log(-np_.expm1(small - large))
+        logs = np_.concatenate([log_ndtr(high[..., :1]), inner, log_ndtr(-low[..., -1:])], axis=-1)
         # The sum of the logarithms is finite also where a factor alone would overflow.
         with np.errstate(over="ignore"):
-            return np_.exp(y0 + m * (x0 - np_.log(theta)) + 0.5 * shift**2 + logs)
-
-    def within(self, low: float, high: float, median: float, dispersion: float) -> float:
-        """Return the part of `annual_rate` from intensities between two levels; 0 if they are not in
-        order."""
-        if not low < high:
-            return 0.0
-        levels = [low, *(x for x in self.levels if low < x < high), high]
-        cut = replace(self, levels=levels, rates=[self.exceeding(x) for x in levels])
-        return float(cut.parts(median, dispersion)[1:-1].sum())
-
-
-def _functions(*values: Any) -> tuple[Any, Any]:
-    """Return the module of arrays and the function ln(Phi(x)); those of JAX if a value is of JAX."""
-    if any(map(checks.is_jax, values)):
-        import jax.numpy
-        from jax.scipy.special import log_ndtr
-
-        return jax.numpy, log_ndtr
-    # SciPy takes a while to load, and a job is read without it.
-    from scipy.special import log_ndtr
-
-    return np, log_ndtr
+            return np_.exp(y0 + m * (x0 - np_.log(theta)) + 0.5 * shift**2 + logs).sum(axis=-1)

@@ -1,0 +1,135 @@
+"""Seismic hazard: the closed form of the annual rate, its derivatives, and inputs that are rejected."""
+
+import re
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import tpd
+from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.hazard import Measure
+
+LEVELS, RATES = [0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2], [6e-2, 2.2e-2, 6e-3, 2.4e-3, 6.5e-4, 1.5e-4, 3.5e-5]
+SITE = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="pga_g")
+
+
+def by_quadrature(hazard: tpd.Hazard, median: float, dispersion: float) -> float:
+    """The integral of the rate of exceedance over the density of the capacity, piece by piece."""
+    levels, rates = (np.log(x) for x in (hazard.levels, hazard.rates))
+    slopes = np.diff(rates) / np.diff(levels)
+
+    def term(z: float) -> float:
+        x = np.log(median) + dispersion * z
+        i = int(np.clip(np.searchsorted(levels, x) - 1, 0, len(slopes) - 1))
+        return np.exp(rates[i] + slopes[i] * (x - levels[i]) - 0.5 * z * z) / np.sqrt(2.0 * np.pi)
+
+    kinks = (levels - np.log(median)) / dispersion
+    ends = np.unique(np.clip([-14.0, *kinks, 14.0], -14.0, 14.0))
+    return sum(quad(term, a, b, epsabs=0.0, epsrel=1e-12)[0] for a, b in pairwise(ends))
+
+
+def test_two_points_are_a_power_law_with_a_closed_rate():
+    k0, k = 4e-4, 2.5
+    hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[k0 * 0.1**-k, k0], intensity="pga_g")
+    rate = hazard.annual_rate(0.6, 0.4)
+    assert rate == pytest.approx(2.3649888978e-3, rel=1e-10)
+    assert rate == pytest.approx(k0 * 0.6**-k * np.exp(0.5 * (k * 0.4) ** 2), rel=1e-13)
+
+
+def test_a_curve_of_points_has_the_rate_of_the_table_and_of_a_quadrature():
+    assert SITE.annual_rate(0.6, 0.4) == pytest.approx(6.4984241230e-4, rel=1e-10)
+    for median, dispersion in ((0.6, 0.4), (0.15, 0.2), (2.5, 0.6), (0.02, 0.3)):
+        assert SITE.annual_rate(median, dispersion) == pytest.approx(
+            by_quadrature(SITE, median, dispersion), rel=1e-10
+        )
+
+
+def test_without_dispersion_the_rate_is_that_of_the_hazard():
+    assert SITE.exceeding(np.array(LEVELS)) == pytest.approx(RATES, rel=1e-6)
+    assert SITE.exceeding(np.sqrt(0.5 * 0.8)) == pytest.approx(np.sqrt(6.5e-4 * 1.5e-4), rel=1e-9)
+
+
+@pytest.mark.parametrize(("median", "dispersion"), [(1e-3, 0.05), (1e4, 0.05), (1e6, 1e-3), (0.6, 3.0)])
+def test_extreme_curves_have_finite_rates_and_gradients(median, dispersion):
+    rate = SITE.annual_rate(median, dispersion)
+    assert 0.0 < rate < np.inf
+    slopes = jax.grad(SITE.annual_rate, (0, 1))(jnp.float64(median), jnp.float64(dispersion))
+    assert np.isfinite(slopes).all()
+    assert slopes[0] < 0.0
+
+
+@pytest.mark.parametrize(("median", "dispersion"), [(0.6, 0.4), (0.12, 0.3), (3.0, 0.7)])
+def test_gradients_are_those_of_finite_differences(median, dispersion):
+    at = jnp.array([median, dispersion])
+    slopes = jax.jit(jax.grad(lambda x: SITE.annual_rate(x[0], x[1])))(at)
+    for i, h in enumerate(1e-5 * np.array([median, dispersion])):
+        # A central difference of this step has a relative error of about 1e-9.
+        step = h * np.eye(2)[i]
+        difference = np.subtract(*(float(SITE.annual_rate(*(np.array(at) + x))) for x in (step, -step)))
+        assert slopes[i] == pytest.approx(difference / (2.0 * h), rel=1e-6)
+
+
+def test_arrays_of_jax_give_arrays_of_jax_and_numbers_give_numbers():
+    many = SITE.annual_rate(jnp.array([[0.5], [0.6]]), jnp.array([0.3, 0.4]))
+    assert isinstance(many, jax.Array)
+    assert many.shape == (2, 2)
+    assert float(many[1, 1]) == pytest.approx(SITE.annual_rate(0.6, 0.4), rel=1e-13)
+    assert isinstance(SITE.annual_rate(0.6, 0.4), float)
+
+
+def test_the_unit_belongs_to_the_intensity():
+    si = tpd.Hazard(levels=[STANDARD_GRAVITY * x for x in LEVELS], rates=RATES)
+    assert si.measure == Measure("PGA", 1.0, "m/s^2")
+    assert SITE.measure == Measure("PGA", STANDARD_GRAVITY, "g")
+    assert si.annual_rate(0.6 * STANDARD_GRAVITY, 0.4) == pytest.approx(SITE.annual_rate(0.6, 0.4))
+    assert SITE.factor(si.measure) == pytest.approx(1.0 / STANDARD_GRAVITY)
+    # A job file states accelerations in g.
+    assert (
+        si.table
+        == SITE.table
+        == {"levels": LEVELS, "rates": tuple(RATES), "intensity": "pga", "period": None}
+    )
+    spectral = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="sa_g", period=0.5)
+    assert spectral.measure == Measure("Sa(0.5 s)", STANDARD_GRAVITY, "g")
+    message = "must have the same intensity, but they have PGA in g and Sa(0.5 s)"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        SITE.factor(spectral.measure)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"levels": [0.1], "rates": [0.01]}, "`levels` must be a vector of 2 or more increasing numbers"),
+        ({"levels": [0.2, 0.1]}, "`levels` must be a vector of 2 or more increasing numbers"),
+        ({"levels": [0.0, 0.1]}, "`levels` must be positive and finite"),
+        ({"levels": [-0.1, 0.1]}, "`levels` must be positive and finite"),
+        ({"levels": [0.1, np.nan]}, "increasing numbers, all finite, but is [0.1, nan]"),
+        ({"rates": [0.01, 0.01]}, "`rates` must fall from level to level, but are [0.01 0.01]"),
+        ({"rates": [0.001, 0.01]}, "`rates` must fall from level to level"),
+        ({"rates": [0.01, 0.0]}, "`rates` must be positive and finite"),
+        ({"rates": [0.01, -0.01]}, "`rates` must be positive and finite"),
+        ({"rates": [0.01, np.nan]}, "`rates` must be 2 rates per year, one for each level, all finite"),
+        ({"rates": [0.01]}, "`rates` must be 2 rates per year, one for each level"),
+        (
+            {"intensity": "pga_star"},
+            "`intensity` must be one of pga, pga_g, pgv, sa, sa_g, but is 'pga_star'",
+        ),
+        ({"intensity": "sa"}, "`period` (s) must be stated with the intensity sa, and only then"),
+        ({"period": 1.0}, "only then, but it is 1.0 and the intensity is pga"),
+        ({"intensity": "sa", "period": 0.0}, "`period` must be positive and finite, but is 0"),
+    ],
+)
+def test_bad_hazards_are_rejected_in_one_sentence(change, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        tpd.Hazard(**{"levels": [0.1, 0.2], "rates": [0.01, 0.001]} | change)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("median", "dispersion"), [(0.0, 0.4), (0.6, 0.0), (np.nan, 0.4), (0.6, np.nan)])
+def test_a_curve_must_have_a_positive_median_and_dispersion(median, dispersion):
+    with pytest.raises(ValueError, match="must be positive and finite"):
+        SITE.annual_rate(median, dispersion)
