@@ -39,7 +39,7 @@ GROUPS = {
     ),
     "Motions under harmonic excitation": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
-        "design_map theory"
+        "design_map fold_curve theory"
     ),
     "Choose a model": "Auto Piecewise Nonlinear Smoothed",
     "Statuses": "Status status_name",

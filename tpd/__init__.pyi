@@ -11,6 +11,7 @@ from .answers.compare_models import check as check
 from .answers.critical_scale import critical_scale as critical_scale
 from .answers.design_map import design_map as design_map
 from .answers.ensemble import outcomes as outcomes
+from .answers.fold_curve import fold_curve as fold_curve
 from .answers.fragility import fragility as fragility
 from .answers.paired import paired_runs as paired_runs
 from .answers.periodic_orbit import periodic_orbit as periodic_orbit

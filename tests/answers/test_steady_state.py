@@ -162,7 +162,7 @@ band, y0, few = np.array([2.0, 3.5]), np.zeros(4), tpd.Ensemble(seed=0)
 calls = """
     tpd.steady_state(p); tpd.steady_state(p, model=tpd.Auto()); tpd.simulate(p, y0, np.array([0.0, 1.0]))
     tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0)
-    bifurcations(p, "f", 0.3, 0.4); tpd.branches(p, "f", 0.3, 0.4)
+    bifurcations(p, "f", 0.3, 0.4); tpd.fold_curve(p, "mu", "f"); tpd.branches(p, "f", 0.3, 0.4)
     tpd.check(scene, pendulum, swing_limit=0.5)
     tpd.design_map(p, ("mu", values), ("lam", values)); tpd.settled_response(scene, "frequency", band)
     tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)); tpd.optimise(scene, tpd.DesignSpace())
@@ -186,7 +186,7 @@ print("refused", len(calls))
 def test_in_32_bits_every_call_refuses_by_name():
     done = subprocess.run([sys.executable, "-c", IN_32_BITS], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
-    assert done.stdout.startswith("refused 24")
+    assert done.stdout.startswith("refused 25")
 
 
 UNDER_A_SWING = ((0.1, 0.2, 1.0, 0.3, 0.05, 0.01, 2.0), (0.08, 0.15, 0.0, 0.0))

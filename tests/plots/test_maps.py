@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.patheffects import TickedStroke
 
 import tpd
 from tpd.answers.fragility import Curve, Fragility, fit_lognormal
@@ -39,6 +40,34 @@ def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
     assert (len(table), last["frequency"], last["amplitude"]) == (6, 3.0, 0.015)
     np.testing.assert_array_equal(table["amplitude_rad"], design_map.amplitude.ravel())
     np.testing.assert_array_equal(table["uplift_margin"], design_map.margin.ravel())
+
+
+def test_a_curve_of_folds_is_drawn_over_a_map_with_ticks_on_the_side_without_orbits():
+    p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.05, f=0.103, xi=3.5, e=0.9)
+    ranges = {"x_range": (0.02, 0.2), "y_range": (0.3, 1.5)}
+    curve = tpd.fold_curve(p, "mu", "lam", **ranges)
+    ax = tpd.plot(tpd.design_map(p, ("mu", [0.02, 0.1, 0.2]), ("lam", [0.3, 0.9, 1.5])))
+    above = ax.get_legend()
+    assert tpd.plot(curve, ax=ax) is ax
+    assert ax.get_legend() is above
+    np.testing.assert_array_equal(ax.lines[-1].get_xydata(), curve.points)
+
+    def tick_angle(drawn):
+        (ticks,) = [e for e in drawn.lines[-1].get_path_effects() if isinstance(e, TickedStroke)]
+        return ticks._angle
+
+    # From the lower left to the upper right; heavier pendulums, on the right, stop the block.
+    assert curve.tangents[0, 0] > 0.0
+    assert tick_angle(ax) == -90.0
+    turned = dataclasses.replace(curve, points=curve.points[::-1], tangents=-curve.tangents[::-1])
+    own = tpd.plot(turned)
+    assert tick_angle(own) == 90.0
+    assert own.get_xlabel().startswith("mass ratio")
+    own.figure.canvas.draw()
+    empty = dataclasses.replace(
+        curve, **{n: getattr(curve, n)[:0] for n in ("points", "tangents", "gradients")}
+    )
+    tpd.plot(empty).figure.canvas.draw()
 
 
 def test_spectra_draw_themselves_and_are_tables():

@@ -163,8 +163,8 @@ def design_map(
     checks.require_x64()
     check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
-    (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
-    _check_together(setup, {x_name: xs, y_name: ys})
+    (x_name, xs), (y_name, ys) = line_of(setup, "x", x), line_of(setup, "y", y)
+    check_together(setup, {x_name: xs, y_name: ys})
     # All designs of the grid, row by row. Each field has the shape (ny nx,).
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
@@ -203,7 +203,7 @@ def _answers(
     return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 
-def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
+def line_of(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """Return name and values of one axis after their checks."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
         raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
@@ -216,7 +216,7 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     return name, values
 
 
-def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
+def check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
     """Raise `ValueError` if both axes change the same parameter, or leave its range."""
     if len(lines) < 2:
         raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")

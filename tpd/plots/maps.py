@@ -8,13 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, TickedStroke
 
 from tpd.answers.design_map import DesignMap
+from tpd.answers.fold_curve import FoldCurve
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
-from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, edge, legend, new_axes, own_style
+from tpd.plots.style import CASES, GREY, HALO, INK, LABELS, LINES, edge, legend, new_axes, own_style
 from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 from tpd.scene.record import Record
@@ -97,6 +99,33 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
             ax.contourf(m.x, m.y, here, levels=[0.5, 1.5], colors="none", hatches=[hatch])
         handles.append(Patch(facecolor="white", edgecolor=INK, hatch=hatch, lw=0.6, label=label))
     return handles
+
+
+@own_style()
+def plot_fold_curve(curve: FoldCurve, ax: Any = None) -> Any:
+    """Draw a curve of folds, with ticks on the side on which the orbits are lost.
+
+    Args:
+        curve: the answer of `tpd.fold_curve`.
+        ax: axes to draw on, for example those of a map of the same parameters; by default those of a new
+            figure.
+
+    Returns:
+        The axes.
+    """
+    if ax is None:
+        ax = new_axes()
+        ax.set(xlabel=LABELS[curve.x_name], ylabel=LABELS[curve.y_name])
+    # Ticks are drawn to the left or to the right of the direction in which the points follow each other.
+    (x, y), (east, north) = curve.tangents.T, curve.gradients.T
+    side = 1.0 if np.sum(x * north - y * east) > 0.0 else -1.0
+    ticks = TickedStroke(angle=90.0 * side, length=0.7, spacing=9.0, linewidth=0.8)
+    ax.plot(*curve.points.T, color=INK, lw=1.6, path_effects=[*HALO, ticks, Normal()])
+    if len(curve.points):
+        middle = curve.points[len(curve.points) // 2]
+        text = ax.annotate("fold", middle, fontsize=8, ha="center")
+        text.set_path_effects(HALO)
+    return ax
 
 
 @own_style()

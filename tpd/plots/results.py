@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tpd.answers.design_map import DesignMap
+from tpd.answers.fold_curve import FoldCurve
 from tpd.answers.fragility import Fragility
 from tpd.answers.response import Branches, Response
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
@@ -35,8 +36,8 @@ def plot(
     """Draw a result, and return the axes (an array if there are several).
 
     Args:
-        result: a design, a record, or the answer of `front`, `design_map`, `settled_response`, `branches`,
-            `fragility`, `overturning_spectrum` or `rocking_spectrum`.
+        result: a design, a record, or the answer of `front`, `design_map`, `fold_curve`, `settled_response`,
+            `branches`, `fragility`, `overturning_spectrum` or `rocking_spectrum`.
         what: name of the picture of a design. For a map it is another name of `quantity`, and for a fragility
             of `state`. The pictures of a design are:
 
@@ -161,6 +162,7 @@ _KINDS: dict[type, tuple[Any, ...]] = {
     Design: (draw_design, "what", "ax"),
     Front: (compare.plot_front, "ax"),
     DesignMap: (maps.plot_map, "quantity", "ax"),
+    FoldCurve: (maps.plot_fold_curve, "ax"),
     Response: (draw_response, "without", "own", "axes"),
     Branches: (draw_branches, "without", "axes"),
     Fragility: (maps.plot_fragility, "state", "ax"),

@@ -213,8 +213,9 @@ def fold(p: Parameters) -> Fold:
         f_fold = |Im(A w*)|/(|A| |B|),    Phi_fold = -Re(A w*)/|A|^2.
 
     With less forcing the balance has no orbit. The fold exists if Phi_fold is positive, and it has a forcing
-    above zero only with a loss: friction, impacts, or a damped hinge. In tests f_fold is 0.3 to 4.5 % above
-    the fold of the exact orbits. Motions with other periods can exist below.
+    above zero only with a loss: friction, impacts, or a damped hinge. In 839 random scenes f_fold is from 5 %
+    below to 4 % above the fold of the exact orbits in nine of ten cases, and 1.8 % above it in the median;
+    `tpd.fold_curve` computes the exact one. Motions with other periods can exist below the fold.
 
     Args:
         p: dimensionless parameters. Fields may be arrays. f is not used.
