@@ -97,7 +97,7 @@ def _figure(rows: list[Row], kind: str) -> Any:
     from tpd.plots.style import new_axes
 
     axes = new_axes(2, (12.0, 8.6), columns=3)
-    looks, theirs, dashes = cycle("osD^v"), cycle("x+1234"), cycle(("-", "--", ":", "-."))
+    looks, theirs, dashes = cycle("osD^vP"), cycle("x+1234"), cycle(("-", "--", ":", "-."))
     styles = {}
     for method, ours in dict.fromkeys((r["method"], r["ours"]) for r in rows):
         ink = "black" if ours else "0.5"

@@ -13,6 +13,7 @@ from tests.benchmarks.precision.scenes import Scene
 from tests.benchmarks.smoothing import Widths
 from tests.reference import NAMES, parameters
 from tpd import Parameters, Piecewise, Status, steady_state, symmetric_orbits
+from tpd.theory import one_harmonic
 
 SHARPNESS = (2e-2, 2e-3, 6e-4)
 STEPS = (1e-3, 1e-5)
@@ -39,17 +40,21 @@ def _attracting(x: jax.Array) -> jax.Array:
     return jnp.nanmax(jnp.where(orbits.status == Status.rocking, orbits.amplitude, jnp.nan))
 
 
+_FROM_PARAMETERS = {"orbits": _attracting, "harmonic": lambda x: one_harmonic(parameters(x)).amplitude}
+"""Functions of the parameters alone, for which forward derivatives are faster."""
+
+
 @lru_cache
 def _compiled(kind: str) -> tuple[Callable, Callable]:
     """Return value and gradient in a JAX program, as functions of (x, y0, sharpness)."""
 
     def amplitude(x: jax.Array, y0: jax.Array, sharpness: jax.Array) -> jax.Array:
-        if kind == "orbits":
-            return _attracting(x)
+        if kind in _FROM_PARAMETERS:
+            return _FROM_PARAMETERS[kind](x)
         soft = Widths(shares=jnp.stack([sharpness, sharpness]), cycle_rtol=1e-10)
         return steady_state(parameters(x), model=soft if kind == "smoothed" else Piecewise(), y0=y0).amplitude
 
-    return jax.jit(amplitude), jax.jit((jax.jacfwd if kind == "orbits" else jax.grad)(amplitude))
+    return jax.jit(amplitude), jax.jit((jax.jacfwd if kind in _FROM_PARAMETERS else jax.grad)(amplitude))
 
 
 def _arguments(scene: Scene, setting: float) -> tuple[jax.Array, ...]:
@@ -93,6 +98,7 @@ METHODS = (
     Method("steady_state of floats (default)", True, (0.0,), _from_python),
     Method("steady_state in jit (default)", True, (0.0,), *_both("events")),
     Method("orbit equation in jit", True, (0.0,), *_both("orbits")),
+    Method("one harmonic in jit", True, (0.0,), *_both("harmonic")),
     Method("smoothed, Tsit5", True, SHARPNESS, *_both("smoothed")),
     Method("floats, differences", True, STEPS, None, _differences),
 )
