@@ -31,7 +31,7 @@ import tpd
 
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
-    *("engines", "cluster", "intervals", "quoted", "guards", "mutations"),
+    *("engines", "measurements", "cluster", "intervals", "quoted", "guards", "mutations"),
 )
 LONG = ("regret", "guards", "mutations")
 """Benchmarks that `--stale` does not run."""
