@@ -123,6 +123,13 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
 
 
+def test_a_file_of_a_report_stands_for_its_folder_and_a_pendulum_of_options_has_no_report(tmp_path):
+    (tmp_path / "report.txt").write_text("verdict\n")
+    assert add_section(tmp_path / "design.json", FRAGILITY, "medians") == [tmp_path / "report.txt"]
+    assert (tmp_path / "report.txt").read_text().count("medians") == 1
+    assert add_section(None, FRAGILITY, "medians") == []
+
+
 def test_sections_of_several_commands_stand_one_after_another(tmp_path):
     (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
     for title, content in ((ENGINE, "table 1"), (FRAGILITY, "medians"), (ENGINE, "table 2")):

