@@ -51,8 +51,10 @@ def test_the_intensity_of_the_motions_is_named_once():
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind):
-    order = ["Notes", "Build it", "Validation runs", "Other energy losses", "What limits the design"]
+    order = ["Notes", "Build it", "Validation runs", "Against a wider base", "Under other sets of records"]
     order += [
+        "Other energy losses",
+        "What limits the design",
         "Nearby frequencies",
         "Motion from rest",
         "Settled motion",

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
+from tpd.answers.paired import Change
+from tpd.design.as_built import Details
 from tpd.design.reasons import DesignStatus
+from tpd.design.transfer import Transfer
 from tpd.report import sections, words
 from tpd.report.blocks import Table
 
@@ -53,6 +56,35 @@ def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
     assert table.caption.startswith("All 4 runs of all groups.")
     # Runs of one earthquake are not independent.
     assert "p =" not in chance.text
+
+
+def test_wider_bases_have_the_pendulum_in_the_first_row():
+    (table,) = sections.wider_bases(harmonic(), details())
+    found, own = rows(table), harmonic().runs.change("overturned")
+    width = float(harmonic().scene.block.width)
+    assert found["with the pendulum"][:2] == (width, words.percent(own.with_pendulum, 1))
+    bases = details().wider_bases
+    assert list(found)[1:] == [f"base {words.percent(base.widening)} wider" for base in bases]
+    for base, row in zip(bases, list(found.values())[1:], strict=True):
+        assert row[0] == pytest.approx((1.0 + base.widening) * width)
+        assert row[2] == words.difference(base.runs.change("overturned"))
+    assert f"worth a base {words.wider(details().worth)}." in table.caption
+    # Without a pendulum the bases have no such number.
+    (table,) = sections.wider_bases(rejected(), details("rejected"))
+    assert "worth" not in table.caption
+    assert sections.wider_bases(harmonic(), Details()) == []
+
+
+def test_other_sets_of_records_have_a_table_each():
+    overturned = tuple(Change("overturned", 0.1 * i, 0.2 * i, -0.3, 0.1) for i in range(4))
+    other = Transfer("near-field-pulse", overturned, 28, 11, 6)
+    (table,) = sections.transferred(Details(transfer=(other,)))
+    assert list(rows(table)) == ["1.5", "2", "3", "4"]
+    assert rows(table)["3"] == ("20 %", "40 %", "-20 points (-30 to +10)")
+    assert "28 records of 11 earthquakes, 6 of which the design used" in table.caption
+    (text,) = sections.transferred(Details(transfer="The records are not installed."))
+    assert text.text == "The records are not installed."
+    assert sections.transferred(Details()) == []
 
 
 def test_losses_have_a_row_each():

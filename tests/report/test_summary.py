@@ -10,11 +10,13 @@ from tests.designs import paired
 from tests.report.conftest import LITTLE, STRIKES, against, details, flat, ground, harmonic, rejected
 from tpd.answers.paired import Decision
 from tpd.design.as_built import Details, build_of
+from tpd.design.assess import alternatives
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
+from tpd.design.wider_base import Worth
 from tpd.report.answer import answer
 from tpd.report.blocks import Severity
 from tpd.report.summary import at_levels, summary, verdict
-from tpd.report.words import comparison, percent, reduction
+from tpd.report.words import comparison, percent, reduction, wider
 
 
 def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
@@ -149,6 +151,32 @@ def test_the_pendulum_is_the_one_that_is_built():
     assert "the wall is at" not in said
     alone = answer(replace(design, equivalent=None))
     assert f"equivalent point mass {design.pendulum.mass:.3g} kg" in alone
+
+
+def test_every_pendulum_is_compared_with_wider_bases_and_other_measures():
+    said = flat(answer(harmonic(), details(), most=1000))
+    assert f"wider base the pendulum is worth a base {wider(details().worth)}; overturned in the same" in said
+    shares = [percent(x.runs.change("overturned").with_pendulum, 1) for x in details().wider_bases]
+    assert f"{shares[1]} (base 10 % wider), {shares[2]} (base 20 % wider)" in said
+    assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
+    # Without a pendulum that is offered the bases remain.
+    said = flat(answer(rejected(), details("rejected"), most=1000))
+    assert "wider base overturned in the same runs without a pendulum:" in said
+    assert said.count("alternative a tie") == 1
+
+
+@pytest.mark.parametrize(
+    ("worth", "words"),
+    [
+        ((0.07, 0.05, 0.09), "7 % wider (95 % interval 5 to 9 %)"),
+        ((0.001, 0.0, 0.04), "less than 1 % wider (95 % interval less than 1 to 4 %)"),
+        ((0.18, 0.1, np.inf), "18 % wider (95 % interval 10 to more than 20 %)"),
+        ((np.inf, np.inf, np.inf), "more than 20 % wider"),
+        ((0.1, 0.1, 0.1), "10 % wider"),
+    ],
+)
+def test_a_widening_has_bounds_where_it_has_no_number(worth, words):
+    assert wider(Worth(*worth, 0.2, "tilt")) == words
 
 
 def test_dangers_come_before_all_other_reasons_and_each_kind_once():

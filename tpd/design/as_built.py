@@ -24,6 +24,9 @@ from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.problem import Variation
+from tpd.design.reasons import DesignStatus
+from tpd.design.transfer import Transfer, transfer_of
+from tpd.design.wider_base import WiderBase, Worth, wider_bases, worth_of
 from tpd.limits import bob_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
@@ -267,6 +270,12 @@ class Details(Printed):
     responses: tuple[Response, ...] = ()
     """Settled response over frequency after a start from rest, without a pendulum and with the one that is
     offered. It is computed only if the conditions differ in the motion of the base alone."""
+    wider_bases: tuple[WiderBase, ...] = ()
+    """The block without a pendulum on wider bases; empty if there are no validation runs."""
+    worth: Worth | None = None
+    """Widening of the base that is worth as much as the pendulum; None if no pendulum is offered."""
+    transfer: tuple[Transfer, ...] | str = ()
+    """Shares that overturn under the other sets of records, or a sentence why they are unknown."""
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
 
@@ -305,15 +314,22 @@ def details(
         >>> tpd.details(design).build is None
         True
     """
+    problem, pendulum, runs, best = design.problem, design.pendulum, design.runs, design.best
+    measure = best.measure if best and pendulum else ""
+    bases = wider_bases(problem, runs, measure, progress) if runs else ()
+    is_recommended = design.status is DesignStatus.recommended
     out = Details(
         build=build_of(design),
         sensitivity=sensitivity_of(design, progress),
         losses=losses_of(design, progress),
         bases=bases_of(design),
+        wider_bases=bases,
+        worth=worth_of(runs, measure, bases) if runs else None,
+        transfer=transfer_of(problem, pendulum, progress) if pendulum and is_recommended else (),
         front=front,
     )
-    scene, pendulum = design.scene, design.pendulum
-    if "motion" not in design.problem.pictures:
+    scene = design.scene
+    if "motion" not in problem.pictures:
         return out
     responses: tuple[Response, ...] = ()
     # A response is that of the nominal block, so it is shown only if no condition changes the block.

@@ -275,6 +275,15 @@ class GroundMotionProblem(Problem):
         runs = self._simulate(None, self.scene, every, equations, seed, progress)
         return replace(runs, cluster=self.earthquakes)
 
+    def with_block(self, block: Block) -> GroundMotionProblem:
+        """See `Problem.with_block`. The levels change if their intensity depends on the block."""
+        scene, of = replace(self.scene, block=block), self.conditions
+        # Every motion has the same ratio, because only the block differs.
+        before, after = (motion_factors(x, of)[0] for x in (self.scene, scene))
+        factors = {**of.factors, "amplitude": of.column("amplitude") * before / after}
+        scales = tuple(scale * before / after for scale in of.scales)
+        return replace(self, scene=scene, conditions=replace(of, factors=factors, scales=scales))
+
     @property
     def _scales(self) -> list[float]:
         return sorted(set(self.conditions.scales))

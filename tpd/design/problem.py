@@ -400,6 +400,10 @@ class Problem(ABC):
         """
         return ()
 
+    def with_block(self, block: Block) -> Problem:
+        """Return the problem of another block under the same excitation in SI units."""
+        return replace(self, scene=replace(self.scene, block=block))
+
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the
         stage."""

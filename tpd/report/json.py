@@ -58,7 +58,8 @@ def as_json(
         "pendulum": pendulum,
         "hinge_damping_N_m_s_per_rad": None if pendulum is None else float(pendulum.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in _DESIGN},
-        **{n: getattr(details, n) for n in ("build", "sensitivity", "losses", "bases", "responses", "front")},
+        # The motions from rest are drawn, and would make the file large.
+        **{name: x for name, x in vars(details).items() if name != "histories"},
         "risk": problem.risk,
         "requirements": replace(problem.requirements, wall_contacts=problem.allowed, reduce=measure),
         "limits": limits,

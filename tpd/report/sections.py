@@ -14,6 +14,7 @@ from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.sizes import MOTION_KINDS
+from tpd.design.transfer import LEVELS
 from tpd.limits import LABELS
 from tpd.records.read import same_earthquakes
 from tpd.report import words
@@ -39,6 +40,8 @@ def sections(
     runs = over_runs(design)
     return {
         "Validation runs": [*picture("benefit.svg"), *runs] if runs else [],
+        "Against a wider base": wider_bases(design, details),
+        "Under other sets of records": transferred(details),
         "Other energy losses": other_losses(details),
         "What limits the design": limiting(design),
         "Nearby frequencies": [*picture("response.svg")],
@@ -124,6 +127,47 @@ def _by_part(runs: PairedRuns) -> list[Block]:
     )
     head = "condition or kind of start", "with pendulum", "without pendulum", "significantly worse"
     return [Table(head, rows, caption)]
+
+
+def wider_bases(design: Design, details: Details) -> list[Block]:
+    """Return the results of the block without a pendulum on wider bases, in the validation runs."""
+    if not details.wider_bases or design.runs is None:
+        return []
+    cases = [(f"base {percent(x.widening)} wider", x.block, x.runs) for x in details.wider_bases]
+    rows = list[tuple[Cell, ...]]()
+    for name, block, runs in [("with the pendulum", design.scene.block, design.runs.unconditional), *cases]:
+        share, tilt = (runs.change(of) for of in ("overturned", "mean severity"))
+        # The share without a pendulum on the stated base is in the table of the validation runs.
+        shares = percent(share.with_pendulum, 1), words.difference(share), percent(tilt.with_pendulum)
+        rows.append((name, float(block.width), *shares))
+    worth = f"The pendulum is worth a base {words.wider(details.worth)}. " if details.worth else ""
+    caption = (
+        f"{worth}All rows have the same runs, those of wider bases without a pendulum. The whole block "
+        "becomes wider, with the same height, depth and density: its mass grows with the width. Stated "
+        "numbers of inertia and restitution stay."
+    )
+    head = "", "width (m)", "overturned", "difference (95 % interval)", "mean tilt (of ν)"
+    return [Table(head, tuple(rows), caption)]
+
+
+def transferred(details: Details) -> list[Block]:
+    """Return the shares that overturn under the sets of records that the design did not use."""
+    if isinstance(details.transfer, str):
+        return [Text(details.transfer)]
+    tables = list[Block]()
+    head = "PGA over that of uplift", "with pendulum", "without pendulum", "difference (95 % interval)"
+    for of in details.transfer:
+        caption = (
+            f"Overturned under the set {of.name} of FEMA P695: {of.motions} records of {of.earthquakes} "
+            f"earthquakes, {of.common} of which the design used at other stations. Stated block."
+        )
+        shares = (
+            (percent(x.with_pendulum), percent(x.without_pendulum), words.difference(x, 0))
+            for x in of.overturned
+        )
+        rows = ((number(level), *share) for level, share in zip(LEVELS, shares, strict=True))
+        tables.append(Table(head, tuple(rows), caption))
+    return tables
 
 
 def other_losses(details: Details) -> list[Block]:

@@ -16,6 +16,7 @@ from tpd.design.assess import alternatives, needless
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
+from tpd.design.wider_base import USUAL
 from tpd.limits import LABELS, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Summary, danger, note
@@ -100,6 +101,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         yield _clearance(design, design.best.over_limit, details.build)
+    if details.wider_bases:
+        yield "wider base", wider_bases(details)
     yield from (("reason", text) for text in other_reasons(design.status, design.refusals))
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
         if design.remedy:
@@ -126,6 +129,18 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
+    # After a yes the other measures come last, because the answer has a limited length.
+    if design.pendulum is not None:
+        yield "alternative", str(alternatives(design.problem))
+
+
+def wider_bases(details: Details) -> str:
+    """Return clauses on the widening of the base that is worth the pendulum, and on wider bases."""
+    usual, worth = [base for base in details.wider_bases if base.widening <= USUAL], details.worth
+    shares = [percent(base.runs.change("overturned").with_pendulum, 1) for base in usual]
+    listed = (f"{x} (base {percent(of.widening)} wider)" for x, of in zip(shares, usual, strict=True))
+    alone = f"overturned in the same runs without a pendulum: {', '.join(listed)}"
+    return alone if worth is None else f"the pendulum is worth a base {words.wider(worth)}; {alone}"
 
 
 def by_start(runs: PairedRuns) -> str:

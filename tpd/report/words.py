@@ -19,9 +19,10 @@ from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_sce
 
 if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
-    from tpd.answers.paired import PairedRuns, Part
+    from tpd.answers.paired import Change, PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
+    from tpd.design.wider_base import Worth
 
 _CHANGES = {
     "mean severity": "mean tilt",
@@ -74,6 +75,23 @@ def losses(block: Block) -> str:
 def energy_loss(name: str) -> str:
     """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
     return name if " and " in name else f"{name} only"
+
+
+def wider(worth: Worth) -> str:
+    """Return the widening of the base that is worth as much as the pendulum, with its interval.
+
+    Example:
+        >>> from tpd.design.wider_base import Worth
+        >>> wider(Worth(0.19, 0.12, 0.27, 0.5, "tilt")), wider(Worth(np.inf, 0.42, np.inf, 0.5, "tilt"))
+        ('19 % wider (95 % interval 12 to 27 %)', 'more than 50 % wider (95 % interval 42 to more than 50 %)')
+    """
+    # Beyond the widest base that was followed, and below one per cent, there is no number.
+    size, low, high = (
+        f"more than {percent(worth.most)}" if math.isinf(x) else percent(x) if x >= 0.005 else "less than 1 %"
+        for x in (worth.widening, worth.low, worth.high)
+    )
+    around = "" if low == high else f" (95 % interval {low.removesuffix(' %')} to {high})"
+    return f"{size} wider{around}"
 
 
 def risk(design: Design, value: float) -> str:
@@ -220,16 +238,21 @@ def comparison(runs: PairedRuns) -> Table:
         if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
             continue
         # Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be smaller than 1 %.
-        digits, difference = 0 if "severity" in c.name else 1, NO_VALUE
-        if np.isfinite(c.low):
-            mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (c.difference, c.low, c.high))
-            difference = f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
+        digits = 0 if "severity" in c.name else 1
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
-        rows.append((_CHANGES[c.name], *shares, difference))
+        rows.append((_CHANGES[c.name], *shares, difference(c, digits)))
     caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))
+
+
+def difference(of: Change, digits: int = 1) -> str:
+    """Return the difference of two shares in points with its interval; a dash if the interval is unknown."""
+    if not np.isfinite(of.low):
+        return NO_VALUE
+    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
+    return f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:

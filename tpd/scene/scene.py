@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -202,6 +202,25 @@ class Block:
     def inertia_ratio(self) -> Real:
         """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c."""
         return _inertia_ratio(vars(self))
+
+    def widened(self, factor: Real) -> Block:
+        """Return the block with a base that is wider by a factor, for example 1.1 for 10 %.
+
+        The whole block becomes wider, with the same density and depth: the width and the mass grow by the
+        factor, and the height stays. Slenderness, inertia ratio and Housner's e follow. A radius of gyration
+        and a restitution that are stated as numbers, the friction and the cavity stay as they are.
+
+        Raises:
+            ValueError: the wider block is out of range, see `Block`.
+
+        Example:
+            >>> import tpd
+            >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0).widened(1.2)
+            >>> float(block.width), float(block.mass), round(block.velocity_ratio, 3)
+            (0.6, 1080.0, 0.793)
+        """
+        factor = checks.positive("factor", factor)
+        return replace(self, width=factor * self.width, mass=factor * self.mass)
 
     @property
     def velocity_ratio(self) -> Real:
