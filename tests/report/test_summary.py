@@ -155,9 +155,7 @@ def test_the_pendulum_is_the_one_that_is_built():
 
 def test_every_pendulum_is_compared_with_wider_bases_and_other_measures():
     said = flat(answer(harmonic(), details(), most=1000))
-    assert f"wider base the pendulum is worth a base {wider(details().worth)}; overturned in the same" in said
-    shares = [percent(x.runs.change("overturned").with_pendulum, 1) for x in details().wider_bases]
-    assert f"{shares[1]} (base 10 % wider), {shares[2]} (base 20 % wider)" in said
+    assert f"wider base the pendulum is worth a base {wider(details().worth)}" in said
     assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
     # Without a pendulum that is offered the bases remain.
     said = flat(answer(rejected(), details("rejected"), most=1000))

@@ -12,9 +12,9 @@ from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Summary, wrapped
 from tpd.report.summary import headline, other_reasons, summary
 
-MOST = 24
+MOST = 26
 """Largest number of lines. The command prints up to nine lines on block and motion before the search, so
-that the whole output has at most thirty-three lines."""
+that the whole output has at most thirty-five lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
 _ALONE = "block", "motion", "lifts", "slides"

@@ -98,11 +98,13 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.runs is not None:
         starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
         yield "starts", f"{starts}; {design.problem.duration_in_words}"
+        # What an owner decides by comes before the parts.
+        yield from (("rate", text) for text in yearly(design.problem, design.runs))
+    if details.wider_bases:
+        yield "wider base", wider_bases(details)
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         yield _clearance(design, design.best.over_limit, details.build)
-    if details.wider_bases:
-        yield "wider base", wider_bases(details)
     yield from (("reason", text) for text in other_reasons(design.status, design.refusals))
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
         if design.remedy:
@@ -111,7 +113,6 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if design.runs is not None:
-        yield from (("rate", text) for text in yearly(design.problem, design.runs))
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.startswith(SLIDES):
@@ -135,12 +136,14 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
 
 
 def wider_bases(details: Details) -> str:
-    """Return clauses on the widening of the base that is worth the pendulum, and on wider bases."""
+    """Return a clause on the widening of the base that is worth the pendulum, or on wider bases."""
     usual, worth = [base for base in details.wider_bases if base.widening <= USUAL], details.worth
+    if worth is not None:
+        # The report has a table with the wider bases.
+        return f"the pendulum is worth a base {words.wider(worth)}"
     shares = [percent(base.runs.change("overturned").with_pendulum, 1) for base in usual]
     listed = (f"{x} (base {percent(of.widening)} wider)" for x, of in zip(shares, usual, strict=True))
-    alone = f"overturned in the same runs without a pendulum: {', '.join(listed)}"
-    return alone if worth is None else f"the pendulum is worth a base {words.wider(worth)}; {alone}"
+    return f"overturned in the same runs without a pendulum: {', '.join(listed)}"
 
 
 def by_start(runs: PairedRuns) -> str:
