@@ -4,6 +4,7 @@ import numpy as np
 
 import tpd
 from tpd.answers.design_map import design_map
+from tpd.cli.map import _with_folds
 
 AXES = "--x frequency 1 5 --y pendulum-length 0.05 0.2 --pendulum-mass 0.8 --points 4"
 
@@ -30,3 +31,14 @@ def test_the_map_agrees_with_the_library(run):
     assert again.status == 0
     assert again.json("map.json")["start"] == [0.0] * 4
     assert "--simulate" not in again.out
+
+
+def test_the_picture_of_the_amplitudes_has_the_curve_of_folds():
+    scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+    axes = ("frequency", np.linspace(1, 5, 5)), ("amplitude", np.linspace(0.001, 0.02, 5))
+    ax = _with_folds(design_map(scene, *axes, pendulum=pendulum), scene, pendulum)
+    ranges = {"x_range": (1.0, 5.0), "y_range": (0.001, 0.02)}
+    folds = tpd.fold_curve(scene, "frequency", "amplitude", **ranges, pendulum=pendulum)
+    assert len(folds.points) > 20
+    np.testing.assert_array_equal(ax.lines[-1].get_xydata(), folds.points)
+    assert ax.get_ylabel().startswith("amplitude of the base motion")

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from tpd.answers.design_map import design_map
+from tpd.answers.design_map import DesignMap, design_map
+from tpd.answers.fold_curve import fold_curve
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.scene.quantities import named
+from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.no_uplift import AtRest
 
 _MOST_POINTS = 2000
@@ -45,6 +48,9 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         print(outputs.PERIODIC_ONLY.format("--simulate"))
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
+    if not options.simulate:
+        # A motion from rest can reach other motions, so that folds belong to the map of the orbits only.
+        pictures["amplitude.png"] = partial(_with_folds, m, scene, pendulum)
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
     # The values of the axes replace those of the scene and the pendulum in the inputs.
     inputs = {**common.json_inputs(scene, pendulum), "varied": axes, "points": len(m.x), "start": m.start}
@@ -54,6 +60,13 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     }
     outputs.write(options.out, tables.items(), pictures)
     return SOUND
+
+
+def _with_folds(m: DesignMap, scene: Scene, pendulum: Pendulum | None) -> Any:
+    """Draw the amplitudes of a map with the curve on which the symmetric orbits are lost."""
+    x_range, y_range = (m.x[0], m.x[-1]), (m.y[0], m.y[-1])
+    folds = fold_curve(scene, m.x_name, m.y_name, x_range=x_range, y_range=y_range, pendulum=pendulum)
+    return outputs.plot(folds, ax=outputs.plot(m, "amplitude"))
 
 
 def _axis(flag: str, words: list[str]) -> tuple[str, float, float]:

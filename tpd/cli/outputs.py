@@ -17,11 +17,11 @@ PERIODIC_ONLY = (
 """Note on results without motions from rest; the placeholder is an option."""
 
 
-def plot(result: Any, what: str | None = None) -> Any:
+def plot(result: Any, what: str | None = None, ax: Any = None) -> Any:
     """Draw a result with `tpd.plot`. Matplotlib is imported when the function is called, and not before."""
     from tpd.plots.results import plot
 
-    return plot(result, what)
+    return plot(result, what, ax=ax)
 
 
 def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, Callable[[], Any]]) -> None:
