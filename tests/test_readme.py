@@ -11,8 +11,10 @@ from typing import NamedTuple
 import pytest
 
 import tpd
+from tests import job_reference
 from tests.api_reference import GROUPS, PAGE, Reference
 from tpd.cli import main, parser
+from tpd.design.tables import TABLES
 from tpd.scene.status import Status
 
 ROOT = Path(__file__).parents[1]
@@ -113,7 +115,7 @@ def test_readme_and_guide_describe_how_a_validation_run_begins_and_ends():
     runs = tpd.Ensemble()
     assert (runs.periods, runs.tilt, runs.swing) == (100, 0.05, 0.05)
     assert (runs.tilt_rate, runs.swing_rate) == (0.05, 0.05)
-    for page in (README, GUIDE / "designing.md"):
+    for page in (README, GUIDE / "validation.md"):
         text = " ".join(TEXT[page].split())
         assert "lasts 100 periods" in text
         assert "5 % of the toppling tilt" in text
@@ -202,3 +204,9 @@ def test_the_reference_is_current_and_has_every_public_name():
         "- `swing: Number`: Largest |psi|, the angle of the rod from the vertical, rad; 0 ",
     ):
         assert part in text
+
+
+def test_the_page_of_the_job_file_is_current_and_has_every_key():
+    # Written by `python -m tests.job_reference`.
+    assert job_reference.text() == TEXT[job_reference.PAGE]
+    assert job_reference.NOTES.keys() == TABLES.keys()

@@ -1,4 +1,4 @@
-"""Remove the guards of the page "where methods fail" one at a time, and check that their tests then fail.
+"""Remove the guards of the page "Models and their limits" one at a time, and check that their tests fail.
 
 A guard is identified by its function and by the change that removes it (`tests.benchmarks.removals`), so
 that other changes of its line do not matter. The table has a "no" for each test that passes without its
