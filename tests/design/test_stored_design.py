@@ -19,7 +19,12 @@ from tpd.design.stored_design import StoredDesign, read_design
 from tpd.design.validate import Validated
 
 BLOCK = tpd.Block(
-    width=0.1 + 0.2, height=1.1 / 0.9, mass=100.0 / 3.0, restitution="housner", cavity_width=0.2 + 1e-16
+    width=0.1 + 0.2,
+    height=1.1 / 0.9,
+    mass=100.0 / 3.0,
+    restitution="housner",
+    cavity_width=0.2 + 1e-16,
+    effective_width=1.0 / 1.1,
 )
 MOTION = tpd.Harmonic(amplitude=0.1 / 7.0, frequency=math.pi)
 PENDULUM = tpd.Pendulum(mass=1.0 / 3.0, length=0.1 + 0.2, damping_ratio=0.3 - 0.1)

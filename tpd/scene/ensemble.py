@@ -37,8 +37,8 @@ class Ensemble:
     """Seeded set of runs with different initial states, beginnings of the excitation, and properties.
 
     All ranges are covered evenly (Latin hypercube). The first run is the nominal one: it starts at rest, the
-    excitation begins suddenly at tau = 0, and all quantities have their nominal values. Only
-    Housner's e has its measured mean instead.
+    excitation begins suddenly at tau = 0, and all quantities have their nominal values. Housner's
+    e has its measured mean instead.
 
     The fields are the number of runs (`size`), their `seed`, and the largest number of forcing `periods`; the
     share of the runs that begin with a disturbance (`disturbed`), and its ranges (`tilt`, `tilt_rate`,
