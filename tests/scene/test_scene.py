@@ -173,7 +173,7 @@ def test_a_block_rocks_on_a_part_of_its_width():
 
 def test_a_block_that_rocks_on_its_whole_width_is_the_block_without_a_statement():
     assert Block(**BLOCK, effective_width=1.0) == Block(**BLOCK, effective_width=1) == Block(**BLOCK)
-    for wrong in (0.0, 1.01, -0.9):
+    for wrong in (0.0, 1.01, -0.9, 0.19):
         with pytest.raises(ValueError, match="`effective_width` must be"):
             Block(**BLOCK, effective_width=wrong)
 

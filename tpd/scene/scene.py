@@ -72,7 +72,7 @@ class Block:
         restitution: velocity ratio e at an impact, in (0, 1], or "housner" (default).
         cavity_width: width of the space in which the bob swings, m; default not stated.
         base_friction: coefficient of friction of the base, dimensionless; default not known.
-        effective_width: share of the width on which the block rocks, in (0, 1]; default all of it.
+        effective_width: share of the width on which the block rocks, 0.2 to 1; default all of it.
 
     Raises:
         ValueError: a size, mass, friction or restitution is out of range, the block is too wide for the
@@ -108,7 +108,7 @@ class Block:
     """Coefficient of friction between the base and the ground, dimensionless. It decides whether the block
     slides before it rocks, and does not change any motion. Default: not known."""
     effective_width: Real | None = None
-    """Share of `width` on which the block rocks, in (0, 1]. A base with worn edges or a soft bearing rocks on
+    """Share of `width` on which the block rocks, 0.2 to 1. A base with worn edges or a soft bearing rocks on
     corners that lie inside: four wooden blocks had shares from 0.70 to 0.91 in tests. It changes nu, rho and
     Housner's e, but not the mass, the cavity or the drawing. Default: the whole width, as with 1."""
 
@@ -118,7 +118,8 @@ class Block:
             checks.positive(name, getattr(self, name), every=True)
         check_proportions(self.width, self.height, self.mass)
         if self.effective_width is not None:
-            checks.positive("effective_width", self.effective_width, 0.0, 1.0, every=True)
+            # A smaller share is probably a width in m.
+            checks.within("effective_width", self.effective_width, 0.2, 1.0, every=True)
             # With the whole width rho of a uniform rectangle follows nu, see `dimensionless`.
             if checks.is_concrete(self.effective_width) and np.all(self.effective_width == 1.0):
                 object.__setattr__(self, "effective_width", None)
