@@ -27,6 +27,7 @@ DONE = " s of processor time"
 """End of the line of a notebook that ran."""
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
+    "tpd.answers.annual_rates": {"RESAMPLES": 50},
     "tpd.design.harmonic": {"_COMPARED": 32, "_MORE_RUNS": 256, "_SPREAD": 32, "_DRAWN": 256},
 }
 """Sizes of a search that are no arguments, by module."""

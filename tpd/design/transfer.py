@@ -57,24 +57,23 @@ def transfer_of(
     except ImportError as error:
         return f"The effect of the pendulum under the other sets is unknown: {error}."
     out, block, gravity = list[Transfer](), problem.scene.block, float(problem.scene.gravity)
+    lifts = problem.at_rest.uplift * gravity
     for name, records in sets.items():
         # A design does not transfer to records that it used itself.
         if not used.isdisjoint(record.name for record in records):
             continue
         progress(f"records of {name}", len(out), len(sets))
         # The stated block without scatter, as in a fragility.
-        peaks = np.array([[float(record.pga)] for record in records])
-        factors, cases = np.array(LEVELS) * problem.at_rest.uplift * gravity / peaks, [pendulum, None]
+        factors = np.outer([lifts / float(record.pga) for record in records], LEVELS)
         how: dict[str, Any] = {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear, "brief": True}
-        runs = follow_scaled(block, cases, records, factors, **how)
+        runs = follow_scaled(block, [pendulum, None], records, factors, **how)
         one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
         # The levels of a record are neighbours.
-        level = np.tile(np.arange(len(LEVELS)), len(records))
-        quakes = np.repeat(earthquakes_of(records), len(LEVELS))
+        level, quakes = (x.ravel() for x in np.meshgrid(LEVELS, earthquakes_of(records)))
         pairs = PairedRuns(with_pendulum=one, without_pendulum=other, group=level, labels=(), cluster=quakes)
-        shares = [replace(pairs, counted=level == i).change("overturned") for i in range(len(LEVELS))]
+        shares = tuple(replace(pairs, counted=level == x).change("overturned") for x in LEVELS)
         # Other stations of an earthquake that the design used are not independent of it.
         events = {record.event for record in records}
         common = events.intersection(getattr(motion, "event", "") for motion in motions)
-        out.append(Transfer(name, tuple(shares), len(records), len(events), len(common)))
+        out.append(Transfer(name, shares, len(records), len(events), len(common)))
     return tuple(out)
