@@ -243,7 +243,7 @@ class _Folds(NamedTuple):
         # Complex-step differentiation, as in `tpd.scene.quantities.Axis.jacobian`.
         rows = [self.setup.vector({**numbers, n: complex(v, _TINY)}) for n, v in numbers.items()]
         x, x_by = np.real(rows[0]), np.imag(rows).T / _TINY
-        values, by_u, by_x = (numbers[_EQUATIONS] for numbers in vanishing(np.append(z[:2], 1.0), x))
+        values, by_u, by_x = (part[_EQUATIONS] for part in vanishing(np.append(z[:2], 1.0), x))
         return _Equations(values, np.hstack([by_u[:, :2], by_x @ x_by]), by_x, x)
 
     def solved(self, z: np.ndarray, normal: np.ndarray | None = None) -> np.ndarray | None:
