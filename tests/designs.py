@@ -83,6 +83,9 @@ class NoisyProblem(Problem):
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
     assumed_excitation: ClassVar[str] = "Noise."  # type: ignore[misc]
+    # A longest length below the shortest one is no rule of thumb.
+    rule_lengths: ClassVar[tuple[float, float]] = 0.0, 1.0  # type: ignore[misc]
+    rule_swing: ClassVar[float] = 0.0  # type: ignore[misc]
     starts_in_words: ClassVar[str] = "Starts: any."  # type: ignore[misc]
     duration_in_words: ClassVar[str] = "runs of any duration"  # type: ignore[misc]
     count: int = 64
@@ -122,8 +125,8 @@ class NoisyProblem(Problem):
     def candidates(self, progress):
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None
 
-    def runs_alone(self, seed, progress=None):
-        return self.runs(None, seed, "nonlinear")
+    def validation_runs(self, design, seed, progress=None):
+        return self.runs(design, seed, "nonlinear")
 
     def runs(self, design, seed, equations="linear") -> Runs:
         rng = np.random.default_rng(seed)

@@ -501,6 +501,11 @@ def stroke_limit(limits: tuple[Limit, ...]) -> float:
     return np.inf if stroke is None else stroke.angle
 
 
+def usual_stroke(limits: tuple[Limit, ...]) -> float:
+    """Return the largest |psi| of a first estimate, rad: the limit on it, or the default of this limit."""
+    return min(stroke_limit(limits), float(Stroke().angle))
+
+
 def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     """Return the limits as a tuple in the order of a report.
 

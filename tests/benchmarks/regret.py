@@ -112,7 +112,7 @@ class Case:
         """Return runs with the pendulum of a design; None for the design means no pendulum."""
         problem = self.problem(runs)
         if design is None:
-            return problem.runs_alone(seed)
+            return problem.validation_runs(None, seed)
         if problem.has_earthquakes:
             return problem.paired_runs(design, seed).with_pendulum
         # Under harmonic excitation the runs without a pendulum need not be simulated again.

@@ -309,7 +309,7 @@ def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 12, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 13, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):

@@ -42,7 +42,7 @@ def test_a_wider_block_is_shaken_by_the_same_accelerations(ground, intensity):
 def test_a_base_of_the_stated_width_gives_the_validation_runs_without_a_pendulum(kind, request):
     design = request.getfixturevalue(kind)
     same = design.problem.with_block(design.scene.block.widened(1.0))
-    found = same.runs_alone(design.runs.with_pendulum.seed)
+    found = same.validation_runs(None, design.runs.with_pendulum.seed)
     for name in ("nu", "tilt", "outcome", "condition"):
         np.testing.assert_array_equal(getattr(found, name), getattr(design.runs.without_pendulum, name))
 

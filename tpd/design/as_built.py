@@ -23,6 +23,7 @@ from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
+from tpd.design.first_guess import Rule, follow_guess
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 from tpd.design.transfer import Transfer, transfer_of
@@ -272,6 +273,8 @@ class Details(Printed):
     offered. It is computed only if the conditions differ in the motion of the base alone."""
     wider_bases: tuple[WiderBase, ...] = ()
     """The block without a pendulum on wider bases; empty if there are no validation runs."""
+    rule: Rule | None = None
+    """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     worth: Worth | None = None
     """Widening of the base that is worth as much as the pendulum; None if no pendulum is offered."""
     transfer: tuple[Transfer, ...] | str = ()
@@ -324,6 +327,7 @@ def details(
         losses=losses_of(design, progress),
         bases=bases_of(design),
         wider_bases=bases,
+        rule=follow_guess(problem, runs.with_pendulum.seed) if runs else None,
         worth=worth_of(runs, measure, bases) if runs else None,
         transfer=transfer_of(problem, pendulum, progress) if pendulum and is_recommended else (),
         front=front,

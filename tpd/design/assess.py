@@ -16,6 +16,7 @@ from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
 from tpd.core.formatting import Printed, compared, ends, number, percent
 from tpd.core.progress import Progress, shown, unreported
+from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import PERIODS
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -153,8 +154,22 @@ class Assessment(Printed):
             return ""
         return f"Each of these measures prevents uplift without a pendulum: {self.alternatives}."
 
+    @property
+    def guess(self) -> str:
+        """Sentence with the pendulum of a rule of thumb; empty if the block needs none or none fits."""
+        design = None if self.runs is None else first_guess(self.problem)
+        if design is None:
+            return ""
+        pendulum = self.problem.pendulum(design)
+        values = pendulum.mass, pendulum.length, pendulum.damping_ratio
+        mass, length, zeta = (number(float(x), 2) for x in values)
+        return (
+            f"Rule of thumb for a pendulum, without a search: an equivalent point mass of {mass} kg on a rod "
+            f"of {length} m with a damping ratio of {zeta}. Only `tpd optimise` and `tpd check` validate it."
+        )
+
     def __str__(self) -> str:
-        return "\n".join(filter(None, (str(self.at_rest), self.verdict, self.measures)))
+        return "\n".join(filter(None, (str(self.at_rest), self.verdict, self.measures, self.guess)))
 
 
 def _outcome(runs: Runs, is_sample: bool) -> str:
@@ -223,8 +238,11 @@ def assess(
 
 def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **settings: Any) -> Problem:
     """Return the problem of a block without a pendulum; see `assess` for the arguments."""
-    # Without a bob there is no clearance to check.
-    inputs: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
+    inputs: dict[str, Any] = settings | {"conditions": conditions}
+    # Without a cavity there is no clearance, and the rule of thumb has a bob without size.
+    block = scene if isinstance(scene, Block) else scene.block
+    if block.cavity_width is None:
+        inputs["limits"] = ()
     # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
     # divided.
     motions = () if conditions is None else conditions.motions
@@ -254,5 +272,5 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
         equations=Terms.nonlinear,
         progress=partial(progress, "stated block"),
     ).reshape(len(motions))
-    runs = problem.runs_alone(seed, partial(progress, "runs without a pendulum"))
+    runs = problem.validation_runs(None, seed, partial(progress, "runs without a pendulum"))
     return Assessment(problem=problem, stated=replace(stated, cluster=problem.earthquakes), runs=runs)

@@ -32,7 +32,7 @@ from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
+from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, HalfWidth, under_all
@@ -42,6 +42,7 @@ from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
+from tpd.theory.relative_length import relative_length
 
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """Design with a bob without mass, which does not act on the block."""
@@ -59,6 +60,9 @@ _EVENTS = 20_000
 sufficient also for a bob that swings for a long time."""
 PERIODS = 0.05, 8.0
 """Shortest and longest period (s) of a base isolation under ground motions."""
+_USUAL_LENGTH, _SLOW = 0.65, 1.5
+"""Length ratio of the rule of thumb for earthquakes, and smallest x = l omega^2/g of a pendulum that is
+slower than the ground motion."""
 _STEP, _STEEPEST = 0.02, 20.0
 """Smallest step between two periods, relative, and largest slope of the logarithm of a response spectrum over
 the logarithm of the period that the steps allow for. With 5 % damping the slope is at most 10 near a
@@ -269,10 +273,24 @@ class GroundMotionProblem(Problem):
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, self.scene, some, equations)
 
-    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
-        """See `Problem.runs_alone`."""
+    @property
+    def rule_lengths(self) -> tuple[float, float]:
+        """See `Problem.rule_lengths`. For earthquakes a rod of about a third of the height is best, and one
+        that is not slower than the ground motion may do harm."""
+        half, gravity = float(self.scene.block.half_height), float(self.scene.gravity)
+        motions = [m for m in self.conditions.motions if isinstance(m, (Pulse, Record))]
+        x = np.median([float(relative_length(half, m, gravity=gravity)) for m in motions])
+        return _USUAL_LENGTH, _SLOW / float(x)
+
+    @property
+    def rule_swing(self) -> float:
+        """See `Problem.rule_swing`."""
+        return usual_stroke(self.limits)
+
+    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
+        """See `Problem.validation_runs`."""
         every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
-        runs = self._simulate(None, self.scene, every, equations, seed, progress)
+        runs = self._simulate(design, self.scene, every, equations, seed, progress)
         return replace(runs, cluster=self.earthquakes)
 
     def with_block(self, block: Block) -> GroundMotionProblem:

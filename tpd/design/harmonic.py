@@ -31,7 +31,7 @@ from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
-from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective, stroke_limit
+from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective, stroke_limit, usual_stroke
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
@@ -40,7 +40,7 @@ from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
-from tpd.theory.no_uplift import AtRest, uplift
+from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
 
 TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 192, 2048, 50
 """Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
@@ -319,9 +319,9 @@ class HarmonicProblem(Problem):
         spread = drawn[np.argsort(~self.possible(drawn), kind="stable")[:_SPREAD]]
         return np.concatenate([result.confirmed, spread]), result
 
-    def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
+    def fixed_sizes(self, designs: np.ndarray, swing: float = 0.0) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""
-        out, e = super().fixed_sizes(designs), self.orbits.evaluate(designs)
+        out, e = super().fixed_sizes(designs, swing), self.orbits.evaluate(designs)
         for limit in self.limits:
             for size in evaluate_sizes([limit], e, self.orbits.geometry):
                 # Without an attracting orbit there is no settled motion to limit: the trial runs show what
@@ -356,13 +356,26 @@ class HarmonicProblem(Problem):
         periods = min(max(TRIAL_PERIODS, least), self.ensemble.periods)
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
-    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
-        """See `Problem.runs_alone`."""
+    @property
+    def rule_lengths(self) -> tuple[float, float]:
+        """See `Problem.rule_lengths`: the length of the lightest pendulum that prevents uplift of a settled
+        block."""
+        length = float(lightest_pendulum(self.scene.parameters(), usual_stroke(self.limits)).lam)
+        return length, length
+
+    @property
+    def rule_swing(self) -> float:
+        """See `Problem.rule_swing`."""
+        return 0.0
+
+    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
+        """See `Problem.validation_runs`."""
         # One half of the validation runs decides and the other half is reported, so each call simulates one
         # half.
         half = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
         settings: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
-        return outcomes(self.scene, ensemble=half, conditions=self.conditions, **settings)
+        pendulum = None if design is None else self.pendulum(design)
+        return outcomes(self.scene, pendulum, ensemble=half, conditions=self.conditions, **settings)
 
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported

@@ -25,6 +25,7 @@ from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, aligned, counted, number
 from tpd.core.progress import Count, Progress, shown, shown_count, unreported
 from tpd.design.design import Design, FrontPoint
+from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
@@ -144,6 +145,8 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)
     candidates, search = problem.candidates(progress)
+    if (guess := first_guess(problem)) is not None:
+        candidates = np.concatenate([guess[None], candidates])
     refinement = refine(problem, candidates, progress)
     status, validated = DesignStatus.none_feasible, list[Validated]()
     for attempt in range(problem.attempts):

@@ -374,8 +374,19 @@ class Problem(ABC):
         """
 
     @abstractmethod
-    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
-        """Simulate the validation runs of the nonlinear equations without a pendulum."""
+    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
+        """Simulate the validation runs of a design by the nonlinear equations; None for the design means no
+        pendulum."""
+
+    @property
+    @abstractmethod
+    def rule_lengths(self) -> tuple[float, float]:
+        """Longest and shortest length ratio that a rule of thumb allows for."""
+
+    @property
+    @abstractmethod
+    def rule_swing(self) -> float:
+        """Bob angle (rad) at which a pendulum of the rule must keep the limits; 0 if orbits show it."""
 
     @abstractmethod
     def paired_runs(
@@ -428,25 +439,25 @@ class Problem(ABC):
         """Return the risk measure by which trial runs compare designs."""
         return float(self.risk.of(severity))
 
-    def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
+    def fixed_sizes(self, designs: np.ndarray, swing: float = 0.0) -> dict[str, np.ndarray]:
         """Return the limited quantities that need no run, over their limits, by name, (m,).
 
-        Each is the largest over all conditions. The quantities are those of the bob that hangs at rest and,
-        under harmonic excitation, of the settled orbit.
+        Each is the largest over all conditions. The quantities are those of the bob that hangs at rest, or at
+        the angle `swing` (rad), and, under harmonic excitation, of the settled orbit.
         """
         m, n = len(designs), len(self.conditions)
         # A block at rest with a bob at rest: only the size of the bob and its distance from the walls matter.
         zeros = np.zeros((m, n))
-        at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, swing=zeros, design=designs)
+        at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, swing=zeros + swing, design=designs)
         return {
             size.name: np.max(size.value, axis=1)
             for size in evaluate_sizes(self.run_limits, at_rest, self.geometry)
         }
 
-    def possible(self, designs: np.ndarray) -> np.ndarray:
-        """Return whether designs (m, 3) keep the limits that need no run, (m,)."""
+    def possible(self, designs: np.ndarray, swing: float = 0.0) -> np.ndarray:
+        """Return whether designs (m, 3) keep the limits that need no run, (m,), see `fixed_sizes`."""
         # A quantity that is unknown is no limit that is kept.
-        keeps = (x <= 1.0 for x in self.fixed_sizes(designs).values())
+        keeps = (x <= 1.0 for x in self.fixed_sizes(designs, swing).values())
         return np.all([np.ones(len(designs)), *keeps], axis=0)
 
     def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:

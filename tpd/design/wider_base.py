@@ -80,7 +80,7 @@ def wider_bases(
             # The equations do not hold for this block, and for no wider one either.
             break
         # The seed is that of the quoted runs, which have the same initial states and the same scatter.
-        alone = problem.with_block(block).runs_alone(runs.with_pendulum.seed)
+        alone = problem.with_block(block).validation_runs(None, runs.with_pendulum.seed)
         bases.append(WiderBase(widening, block, replace(runs, with_pendulum=alone, passed=None)))
     return tuple(bases)
 

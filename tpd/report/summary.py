@@ -102,6 +102,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield from (("rate", text) for text in yearly(design.problem, design.runs))
     if details.wider_bases:
         yield "wider base", wider_bases(details)
+    if details.rule is not None:
+        yield "first guess", words.rule(details.rule, design.problem.allowed)
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         yield _clearance(design, design.best.over_limit, details.build)

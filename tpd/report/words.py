@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tpd.answers.paired import Change, PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
+    from tpd.design.first_guess import Rule
     from tpd.design.wider_base import Worth
 
 _CHANGES = {
@@ -75,6 +76,14 @@ def losses(block: Block) -> str:
 def energy_loss(name: str) -> str:
     """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
     return name if " and " in name else f"{name} only"
+
+
+def rule(of: Rule, allowed: float) -> str:
+    """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
+    share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
+    exceeds = f"; {exceeding(of.over_limit, allowed)}" if of.over_limit > allowed else ""
+    pendulum = f"rule of thumb, {point(of.pendulum, 2, 2)}, damping ratio {zeta}"
+    return f"{pendulum}: {share} of the same runs overturn{exceeds}"
 
 
 def wider(worth: Worth) -> str:

@@ -1,0 +1,62 @@
+"""First guess of a pendulum by rules of thumb, before any search, and its validation runs.
+
+The guess is one of the candidates of every search. An answer compares the design with it in the same runs,
+which shows whether the search was worth its time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.answers.run_table import Runs
+from tpd.design.problem import Problem
+from tpd.scene.scene import Pendulum
+
+_DAMPING = 0.3
+"""Damping ratio of the guess. Between 0.15 and 0.5 it hardly matters under earthquakes."""
+_MASSES, _LENGTHS = 24, 12
+"""Numbers of masses and lengths that are compared with the limits."""
+
+
+class Rule(NamedTuple):
+    """Pendulum of a rule of thumb in the validation runs of a design."""
+
+    pendulum: Pendulum
+    """Pendulum of the guess."""
+    runs: Runs
+    """Validation runs that the report quotes, with the pendulum of the guess."""
+    over_limit: float
+    """Share of the runs in which the block stands that exceed a limit."""
+    limit: str
+    """Limit that most of these runs exceed; empty if there is none."""
+
+
+def first_guess(problem: Problem) -> np.ndarray | None:
+    """Return the design (mu, lam, zeta) of a rule of thumb, (3,).
+
+    It is the largest mass on the longest rod of the rule, see `Problem.rule_lengths`, that keeps the limits
+    without any run. The result is None if no such design is in the space.
+    """
+    low, high = problem.space.ends
+    longest, shortest = problem.rule_lengths
+    # A length outside of the bounds is no guess: the space excludes what the rule needs.
+    longest, shortest = min(longest, high[1]), max(shortest, low[1])
+    if longest < shortest:
+        return None
+    masses, zeta = np.geomspace(high[0], low[0], _MASSES), np.clip(_DAMPING, low[2], high[2])
+    lengths = np.geomspace(longest, shortest, _LENGTHS if longest > shortest else 1)
+    # The first design that keeps the limits has the longest rod, and with it the largest mass.
+    designs = np.array([(mu, lam, zeta) for lam in lengths for mu in masses])
+    keeps = problem.possible(designs, problem.rule_swing)
+    return designs[np.argmax(keeps)] if keeps.any() else None
+
+
+def follow_guess(problem: Problem, seed: int) -> Rule | None:
+    """Return the guess with its validation runs of this seed; None if there is no guess."""
+    guess = first_guess(problem)
+    if guess is None:
+        return None
+    runs = problem.validation_runs(guess, seed)
+    return Rule(problem.pendulum(guess), runs, *problem.over_limit(guess, runs))
