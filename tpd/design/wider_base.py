@@ -70,9 +70,10 @@ def wider_bases(
     bases = list[WiderBase]()
     for done, widening in enumerate(_WIDENINGS):
         progress("wider bases", done, len(_WIDENINGS))
-        worth = worth_of(runs, measure, bases)
         # Few widths are followed, because each takes as long as a part of the validation.
-        if widening > USUAL and (worth is None or math.isfinite(worth.widening)):
+        if widening > USUAL and not (
+            (worth := worth_of(runs, measure, bases)) and math.isinf(worth.widening)
+        ):
             break
         try:
             block = problem.scene.block.widened(1.0 + widening)
