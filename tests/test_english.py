@@ -40,6 +40,18 @@ FORBIDDEN = {
     r"\blean(s|ing|ed)?\b": "tilt",
 }
 """Expressions that the glossary forbids in text for users, and what to write instead."""
+COMPETING = {
+    r"exact model|exact motions?\b(?! of)": "linear model (small angles, solved exactly)",
+    r"velocity ratio": "coefficient of restitution",
+    r"severit(y|ies)": "tilt of a run",
+    r"base motion": "excitation",
+    r"with(out| no) an answer": "without a result",
+    r"standing runs|runs in which the \w+ stands": "surviving runs",
+    r"(validation|search) motions": "validation records, search records",
+    r"\b(its|your|their) own\b": "leave it out, or name the thing",
+    r"in place of": "instead of",
+}
+"""Terms that compete with one in the glossary, in the guide and in the text of notebooks."""
 PARTICIPLES = frozenset(
     [
         "hung",
@@ -167,6 +179,23 @@ def test_text_for_users_keeps_to_the_glossary(word):
     ]
     found = [f"{at}: {text.strip()}" for at, text in texts if re.search(word, text, re.IGNORECASE)]
     assert not found, f"write {FORBIDDEN[word]}:\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize("word", COMPETING)
+def test_the_guide_has_one_term_for_one_thing(word):
+    # Other tests check the sources of generated pages, and old names are in the page of changes.
+    left_out = {"README.md", "api.md", "job_file.md", "changes.md"}
+    pages = [page for page in PAGES if page.suffix == ".md" and page.name not in left_out]
+    texts = [(page.name, page.read_text("utf-8")) for page in pages]
+    for notebook in sorted((TOP / "notebooks").glob("*.ipynb")):
+        cells = json.loads(notebook.read_text("utf-8"))["cells"]
+        texts += [(notebook.name, "".join(c["source"])) for c in cells if c["cell_type"] == "markdown"]
+    found = [
+        f"{place}: {text[m.start() - 30 : m.end() + 30]}"
+        for place, text in texts
+        for m in re.finditer(word, text)
+    ]
+    assert not found, f"write {COMPETING[word]}:\n" + "\n".join(found)
 
 
 def test_an_error_message_is_a_sentence_with_a_verb():
