@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     files.claim_file(out, overwrite=options.overwrite)
     job = subject.job if isinstance(subject, StoredDesign) else subject
     print("\n".join(job.all_messages), end="\n" if job.all_messages else "")
-    with terminal.announced(f"computing the orbits of the page {out}"):
+    with terminal.announced(f"computing the orbits and runs of the page {out}"):
         common.set_up_jax(job)
         # JAX must be set up before a module imports it.
         from tpd.explore.page import explore, link

@@ -322,6 +322,14 @@ class Problem(ABC):
     def duration_in_words(self) -> str:
         """Words for the duration of the validation runs."""
 
+    @property
+    def runs_in_words(self) -> str:
+        """Sentences on starts, duration and outcome of the validation runs."""
+        return (
+            f"{self.starts_in_words} Duration: {self.duration_in_words}. A run counts as overturned if the "
+            "tilt passes the toppling angle and the block cannot return."
+        )
+
     @abstractmethod
     def isolation(self) -> tuple[np.ndarray, float]:
         """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the

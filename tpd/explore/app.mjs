@@ -112,10 +112,7 @@ function simulate(pendulum) {
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   };
   record(motion);
-  // The bound on the events holds for each part. A block beyond its toppling tilt at the end falls, or returns.
-  for (let n = 1; !motion.hasEnded && (n <= parts || (n < 2 * parts && Math.abs(motion.y[0]) > scene.nu)); n++) {
-    motion.advance((n / parts) * duration() * scene.rate, record);
-  }
+  motion.complete(duration() * scene.rate, parts, record);
   const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
   const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
   return { ...largest, history, hasEnded, outcome };

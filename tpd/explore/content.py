@@ -5,11 +5,13 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import tpd
+from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.core.formatting import confidence, number, percent, with_and_without
@@ -21,15 +23,19 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.space import HEAVIEST_RATIO, LONGEST_RATIO
 from tpd.design.stored_design import StoredDesign
-from tpd.explore.tables import GridAxis, axis, solve
+from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
-from tpd.scene.impacts import heaviest_of_housner
+from tpd.scene.impacts import heaviest_of_housner, housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
 Subject = Design | StoredDesign | Job | Scene
 """Objects that a page can show."""
 _COUNTS = {"mass": 10, "length": 16, "damping": 4, "frequency": 24, "amplitude": 3}
 """Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
+_SHARES = {"mass": 12, "length": 9}
+"""Nodes of the map of the share of runs that overturn, without the values of the design."""
+_RUNS = 100
+"""Number of runs in the browser, and of runs at each node of the map."""
 _QUANTITIES = {name: f"pendulum_{name}" for name in ("mass", "length", "damping")}
 """Names of the quantities of a pendulum in `Scene.quantities`, by their names on the page."""
 _LABELS = {
@@ -55,7 +61,10 @@ _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "wo
 _NEAR = np.array([0.02, 0.02, 0.2])
 """Relative distance in mass, length and damping within which stored runs hold for a design without a
 tolerance range of its own: the scatter of the validation runs."""
-_RUN_ROWS = ("overturned", "Share overturned"), ("mean", "Mean tilt over the slenderness")
+_RUN_ROWS = (
+    ("overturned", "Share overturned in the report"),
+    ("mean", "Mean tilt over the slenderness in the report"),
+)
 """Names and labels of the rows on validation runs."""
 _NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
 """Numbers by their words in a file."""
@@ -248,7 +257,40 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
     if recommended is not None:
         tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
-    return {"controls": _controls(own, ranges), "tables": tables, "periods": int(problem.ensemble.periods)}
+    trials = _trials(problem, start, axes_of(_SHARES))
+    periods = int(problem.ensemble.periods)
+    return {"controls": _controls(own, ranges), "tables": tables, "periods": periods, "trials": trials}
+
+
+def _trials(problem: HarmonicProblem, start: Pendulum, axes: list[GridAxis]) -> dict[str, Any]:
+    """Runs that the browser simulates, and the share of them that overturn over mass and length."""
+    ensemble, conditions = replace(problem.ensemble, size=_RUNS), problem.conditions
+    alone, masses, lengths = None, *(a.values.tolist() for a in axes)
+    pendulums = [replace(start, mass=mass, length=length) for mass in masses for length in lengths]
+    # The same runs everywhere: their scatter is no difference between two pendulums.
+    cases = [
+        outcomes(problem.scene, pendulum, ensemble=ensemble, conditions=conditions)
+        for pendulum in (alone, *pendulums)
+    ]
+    without, *shares = (runs.share_overturned.value for runs in cases)
+    table = Table(tuple(axes), {"share": np.reshape(shares, (len(masses), len(lengths)))})
+    p = problem.scene.parameters(start)
+    runs = plan(p, ensemble, conditions)
+    nominal = {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio}
+    # The page multiplies its own parameters by the factors of each run. A value of zero stays zero.
+    scatter = {n: getattr(runs.p, n) / (float(x) or 1.0) for n, x in nominal.items()}
+    if p.e is None:
+        # Housner's e follows the mass of the bob: runs differ from it by a number.
+        scatter["e"] = runs.p.e - housner(runs.p.nu, runs.p.rho, runs.p.mu)
+    scatter |= {"phase": runs.begin * runs.p.xi, "growth": runs.growth, "start": runs.y0}
+    kinds = {label: np.flatnonzero(rows).tolist() for label, rows in cases[0].starts.items()}
+    return {
+        "words": problem.runs_in_words,
+        "scatter": {name: np.asarray(x).tolist() for name, x in scatter.items()},
+        "kinds": {"all starts": list(range(_RUNS)), **kinds},
+        "without": without,
+        "map": table.encoded(),
+    }
 
 
 def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:

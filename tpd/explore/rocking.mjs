@@ -86,6 +86,22 @@ export function housner(nu, rho, mu) {
   return (1 - (2 + mu) * share) / (1 + mu * share);
 }
 
+/** Return the parameters of a validation run: those of the nominal run `p` with the `scatter` of run number n. */
+export function scattered(p, scatter, n, isHousner) {
+  const own = { ...p, phase: scatter.phase[n], growth: scatter.growth[n] };
+  for (const name of ["nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"]) own[name] = p[name] * scatter[name][n];
+  if (!isHousner) return own;
+  const e = housner(own.nu, own.rho, own.mu);
+  return { ...own, e: Math.max(0, Math.min(e + scatter.e[n], Math.max(e, 0.999))) };
+}
+
+/** Return whether the block overturns in run number n; NaN if the run has no answer. */
+export function overturns(p, scatter, n, isHousner, periods) {
+  const own = scattered(p, scatter, n, isHousner), motion = new Motion(own, scatter.start[n]);
+  motion.complete((2 * Math.PI * periods) / own.xi, periods);
+  return motion.stalled ? NaN : Number(motion.overturned);
+}
+
 /** One motion of block and pendulum. `advance` follows it to a later time. */
 export class Motion {
   /**
@@ -99,22 +115,23 @@ export class Motion {
     this.ground = ground;
     [this.piece, this.pieceEnd] = [0, ground ? ground.span : Infinity];
     this.y = [...start];
-    this.tau = 0;
+    this.tau = p.phase / p.xi || 0;
     this.impacts = 0;
     this.overturned = this.stalled = this.hasEnded = false;
     // A pendulum on a block that is free to move swings faster than one on a fixed hinge.
     const bob = Math.sqrt((this.c.lam * p.rho) / (1 + 4 * p.mu));
     this.step = (2 * Math.PI * Math.min(1, bob, 1 / p.xi)) / STEPS;
-    this.decide(Math.sign(start[0]), Math.sign(start[2]), this.load(0));
+    this.decide(Math.sign(start[0]), Math.sign(start[2]), this.load(this.tau));
   }
 
   /** Return minus the base acceleration over g; it jumps between pieces, and is zero after the last one. */
   load(tau) {
-    if (!this.ground) return this.c.f * Math.sin(this.c.xi * tau);
-    const { powers, order, span } = this.ground, first = this.piece * order, share = tau / span - this.piece;
+    const { f, xi, growth } = this.c, share = growth ? Math.min(1, (xi * tau) / (2 * Math.PI * growth)) : 1;
+    if (!this.ground) return f * share * Math.sin(xi * tau);
+    const { powers, order, span } = this.ground, first = this.piece * order, elapsed = tau / span - this.piece;
     let value = 0;
-    if (first < powers.length) for (let n = order - 1; n >= 0; n--) value = value * share + powers[first + n];
-    return -this.c.f * value;
+    if (first < powers.length) for (let n = order - 1; n >= 0; n--) value = value * elapsed + powers[first + n];
+    return -f * value;
   }
 
   /** Set the contact mode of the state; `tilt` and `way` are the signs of phi and phi', zero included. */
@@ -244,6 +261,16 @@ export class Motion {
       this.stalled = events > MOST_EVENTS || !Number.isFinite(end[0]);
       this.hasEnded = this.overturned || this.stalled;
       each(this);
+    }
+    return this;
+  }
+
+  /** Follow the motion over a time in equal parts; `each` is called after every step. */
+  complete(span, parts, each) {
+    const begin = this.tau, returns = () => Math.abs(this.y[0]) > this.c.nu;
+    // The bound on the events holds for each part. A block beyond its toppling tilt at the end falls, or returns.
+    for (let n = 1; !this.hasEnded && (n <= parts || (n < 2 * parts && returns())); n++) {
+      this.advance(begin + (n / parts) * span, each);
     }
     return this;
   }

@@ -180,8 +180,7 @@ def _assumptions(design: Design) -> list[str]:
     return [
         *text,
         problem.assumed_excitation,
-        f"{problem.starts_in_words} Duration: {problem.duration_in_words}. A run counts as overturned if the "
-        "tilt passes the toppling angle and the block cannot return.",
+        problem.runs_in_words,
         "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
         "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
         f"Scatter of the validation runs: {problem.scatter_in_words()}. A range is uniformly distributed. "
