@@ -1,14 +1,17 @@
 // The page: controls, tables of results, figures, and the block that rocks.
 
-import { Motion } from "./rocking.mjs";
+import { Motion, overturns } from "./rocking.mjs";
 import { atRest, bodyOf, limitShares, parameters, reachOf } from "./pendulum.mjs";
 import { bytesOf, decode, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
 import { BLUE, GREY, INK, ORANGE, PALE, cleared, drawAxes, drawBlock, drawLine } from "./figures.mjs";
-import { drawMark, format, hatch, writeOver } from "./figures.mjs";
+import { contour, drawMark, format, hatch, writeOver } from "./figures.mjs";
 
 const SIMULATED = "simulated in the browser", EXACT = "exact";
 const WINDOW = 12, FRAME = 0.008; // Periods in the figure of the tilt against time; steps of this figure, s.
-const PUSH = { label: "First tilt over the slenderness", unit: "", low: -0.9, high: 0.9 };
+const LEVELS = [0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9]; // Shares on the lines of the map.
+const PAUSE = 500; // Time without a change after which the runs begin, ms.
+const APART = 60; // Least distance of the labels of lines, pixels.
+const PUSH = { label: "Initial tilt over the slenderness", unit: "", low: -0.9, high: 0.9 };
 const COLUMNS = 90, ROWS = 64; // Samples of the map.
 
 const byId = (id) => document.getElementById(id);
@@ -16,9 +19,10 @@ const create = (tag, properties = {}) => Object.assign(document.createElement(ta
 const percent = (x) => (x === null ? "unknown" : `${(100 * x).toFixed(1)} %`);
 
 const data = JSON.parse(byId("data").textContent);
-const { scene, limits, controls, ground, tables } = data;
+const { scene, limits, controls, ground, tables, trials } = data;
 const tableOf = (name) => tables?.[name] && decode(tables[name]);
 const grid = tableOf("grid"), without = tableOf("without"), recommended = tableOf("recommended");
+const shares = trials && decode(trials.map);
 const base = ground && { ...ground, powers: new Float32Array(bytesOf(ground.data)), span: ground.piece * scene.rate };
 const height = 2 * scene.halfHeight;
 const ranges = Object.fromEntries(controls.map((control) => [control.name, control]));
@@ -64,6 +68,8 @@ function set(values, isNoticed = true) {
   update();
 }
 
+/** Return whether all controls but mass and length have their first values, for which the map of shares holds. */
+const isFixed = () => controls.every((control) => ["mass", "length"].includes(control.name) || isFirst(control));
 const isFirst = ({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Math.abs(value);
 
 // Values and their sources
@@ -210,6 +216,39 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
   }));
 }
 
+// Runs of the validation
+
+/** Return the share of ones with its interval of 95 % confidence (Wilson's) as a text. */
+function shareText(hits) {
+  const n = hits.length, share = hits.reduce((a, b) => a + b, 0) / n, square = 1.96 ** 2 / n, scale = 1 + square;
+  const half = Math.sqrt(square * (share * (1 - share) + square / 4)) / scale, middle = (share + square / 2) / scale;
+  const [low, high] = [middle - half, middle + half].map((x) => Math.abs(100 * x).toFixed(0));
+  return n ? `${(100 * share).toFixed(0)} % (${low} to ${high} %)` : "no answer yet";
+}
+
+/** Simulate all runs with and without the pendulum. Pauses keep the page responsive, and a later call ends this one. */
+async function simulateRuns(pendulum) {
+  const call = (simulateRuns.call = {}), key = JSON.stringify(excitation()), all = trials.kinds["all starts"];
+  const wait = (time) => new Promise((done) => setTimeout(done, time)), falls = [];
+  // The runs without a pendulum are still valid if the base motion is the same.
+  if (simulateRuns.key !== key) [simulateRuns.key, simulateRuns.alone] = [key, []];
+  const { alone } = simulateRuns, words = (rows) => [shareText(rows.map((n) => falls[n])), shareText(rows.map((n) => alone[n]))];
+  const answered = (rows) => rows.filter((n) => Number.isFinite(falls[n] + alone[n]));
+  byId("runs-text").textContent = `${all.length} runs with and without your pendulum are being simulated.`;
+  await wait(PAUSE);
+  for (const n of all) {
+    for (const [own, results] of [[pendulum, falls], [null, alone]]) {
+      if (simulateRuns.call !== call) return;
+      results[n] ??= overturns(parameters(scene, excitation(), own), trials.scatter, n, scene.restitution === "housner", data.periods);
+      await wait(0);
+    }
+    fill("runs", Object.entries(trials.kinds).map(([name, rows]) => [name, `${name}: ${answered(rows).length} runs`, ...words(answered(rows))]));
+  }
+  const [own, without] = words(answered(all)), only = (a, b) => answered(all).filter((n) => a[n] > b[n]).length;
+  byId("runs-text").textContent = `${own} of the runs overturn with your pendulum, ${without} without one (95 % intervals). `
+    + `In ${only(alone, falls)} runs only the block without a pendulum overturns, in ${only(falls, alone)} only the one with it.`;
+}
+
 // Figures
 
 /** Draw the steady tilt against frequency. */
@@ -247,11 +286,60 @@ function slice(name) {
   return masses.values.flatMap((mass) => lengths.values.map((length) => at(mass, length)));
 }
 
+/** Draw shades from 0 (light) to 1 (dark) over mass and length, a place without a value white; return the axes. */
+function drawPlane(id, shades) {
+  const view = cleared(byId(id)), { c } = view, pixels = new ImageData(COLUMNS, ROWS);
+  const [x, y] = [{ ...ranges.mass, label: "mass of the bob (kg)" }, { ...ranges.length, label: "length (m)" }];
+  const { left, right, top, bottom, ...axes } = drawAxes(view, x, y);
+  const picture = (drawPlane.picture ??= create("canvas", { width: COLUMNS, height: ROWS }));
+  shades.forEach((share, n) => {
+    const shade = 235 - 150 * share;
+    pixels.data.set(Number.isFinite(share) ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
+  });
+  picture.getContext("2d").putImageData(pixels, 0, 0);
+  c.drawImage(picture, left, top, right - left, bottom - top);
+  drawMap.area = { left, right, top, bottom };
+  return { c, left, top, wide: (right - left) / COLUMNS, tall: (bottom - top) / ROWS, ...axes };
+}
+
+/** Draw the range of the search, and both pendulums. */
+function drawPendulums({ c, px, py }) {
+  const { mass, length } = data.space, corner = (i, j) => [px(mass[i]), py(length[j])];
+  drawLine(c, [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)], INK, 1, [5, 4]);
+  if (data.recommended) drawMark(c, px(data.recommended.mass), py(data.recommended.length), true);
+  drawMark(c, px(state.mass), py(state.length));
+}
+
+/** Draw the share of runs that overturn over mass and length, with lines of equal shares. */
+function drawShares() {
+  const at = ({ mass, length }) => lookUp(shares, "share", place(shares, [mass, length]));
+  const values = (drawShares.values ??= samples.map((sample) => at(sample).value)), labels = [];
+  const axes = drawPlane("shares", values.map((share) => 0.8 * share)), { c, left, top, wide, tall } = axes;
+  const lines = [[trials.without, 3, `${percent(trials.without)} as without`], ...LEVELS.map((x) => [x, 1, `${100 * x} %`])];
+  for (const [level, width, text] of lines) {
+    const pieces = contour(values, COLUMNS, level);
+    const places = pieces.map((piece) => piece.map(([i, j]) => [left + (i + 0.5) * wide, top + (j + 0.5) * tall]));
+    drawLine(c, places.flatMap((piece) => [...piece, [0, NaN]]), INK, width);
+    const middle = places.length >> 1, ways = [...places.slice(middle), ...places.slice(0, middle)].map(([way]) => way);
+    const free = ways.find(([x, y]) => labels.every(([a, b]) => Math.hypot(a - x, b - y) > APART));
+    if (free && pieces.length > 5) labels.push([...free, text]);
+  }
+  for (const [x, y, text] of labels) writeOver(c, text, x, y + 4);
+  drawPendulums(axes);
+  const { low, high } = values.reduce((ends, x, n) => {
+    return { low: x < values[ends.low] ? n : ends.low, high: x > values[ends.high] ? n : ends.high };
+  }, { low: 0, high: 0 });
+  const text = (n) => `${percent(values[n])} at ${format(samples[n].mass)} kg and ${format(samples[n].length)} m`;
+  const now = isFixed() ? ` Your pendulum: ${percent(at(state).value)}.` : "";
+  byId("shares-text").textContent = `Without a pendulum ${percent(trials.without)} of the runs overturn. Least share: `
+    + `${text(low)}. Largest share: ${text(high)}.${now}`;
+}
+
 /** Draw the steady tilt over mass and length, the regions of exceeded limits, and both pendulums. */
 function drawMap(now) {
-  const view = cleared(byId("map")), { c } = view, tilts = slice("tilt"), swings = slice("swing");
+  const tilts = slice("tilt"), swings = slice("swing");
   const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
-  const pixels = new ImageData(COLUMNS, ROWS), regions = {};
+  const shades = [], regions = {};
   const mean = (values, corners) => corners.reduce((sum, [index, weight]) => sum + weight * values[index], 0);
   samples.forEach(({ mass, length, corners, body }, n) => {
     const pendulum = { mass, length, damping: state.damping };
@@ -259,17 +347,11 @@ function drawMap(now) {
     const hasTilt = Number.isFinite(tilt), own = hasTilt ? { tilt, swing } : restOf(pendulum);
     const motion = hasTilt || own.margin > 0 ? { ...own, without: now.without.value } : null;
     // Light is the smallest tilt, dark the largest; a place without a value stays white.
-    const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
-    pixels.data.set(hasTilt ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
+    shades.push((tilt - least) / (most - least || 1));
     const exceeded = limitShares(scene, limits, pendulum, motion, body).filter(({ exceeded }) => exceeded);
     if (exceeded.length) (regions[exceeded.reduce((a, b) => (b.share > a.share ? b : a)).name] ??= []).push(n);
   });
-  const [x, y] = [{ ...ranges.mass, label: "mass of the bob (kg)" }, { ...ranges.length, label: "length (m)" }];
-  const { px, py, left, right, top, bottom } = drawAxes(view, x, y);
-  const picture = (drawMap.picture ??= create("canvas", { width: COLUMNS, height: ROWS }));
-  const [wide, tall] = [(right - left) / COLUMNS, (bottom - top) / ROWS];
-  picture.getContext("2d").putImageData(pixels, 0, 0);
-  c.drawImage(picture, left, top, right - left, bottom - top);
+  const axes = drawPlane("map", shades), { c, left, top, wide, tall } = axes;
   Object.entries(regions).forEach(([name, numbers], i) => {
     const places = numbers.map((n) => [left + (n % COLUMNS) * wide, top + Math.floor(n / COLUMNS) * tall]);
     // The label stands in the middle of the middle row of its region.
@@ -279,11 +361,7 @@ function drawMap(now) {
     // A label on a very small region would hide its neighbours.
     if (places.length > 0.02 * samples.length) writeOver(c, name.replace("_", " "), across, down);
   });
-  const { mass, length } = data.space, corner = (i, j) => [px(mass[i]), py(length[j])];
-  drawLine(c, [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)], INK, 1, [5, 4]);
-  if (data.recommended) drawMark(c, px(data.recommended.mass), py(data.recommended.length), true);
-  drawMark(c, px(state.mass), py(state.length));
-  drawMap.area = { left, right, top, bottom };
+  drawPendulums(axes);
   const range = finite.length ? ` Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness.` : "";
   byId("map-values").textContent = `${format(state.frequency, 4)} Hz, ${format(state.amplitude, 4)} m and a damping `
     + `ratio of ${format(state.damping)}.${range}`;
@@ -387,8 +465,9 @@ function update(isNew = true) {
   const body = bodyOf(scene, pendulum), now = steady(), largest = simulate(pendulum), alone = simulateAlone();
   const [motion, basis] = limitedMotion(now, largest), shares = limitShares(scene, limits, pendulum, motion, body);
   showResults(now, shares, basis, largest, alone, pendulum, body);
-  if (now) [drawResponse(now), drawMap(now)];
+  if (now) [drawResponse(now), drawShares(), drawMap(now)];
   drawDesign(motion ? motion.rodAngle : 0, basis, body);
+  if (trials && isNew) simulateRuns(pendulum);
   // Figures of another size show the same motion.
   [shown, clock] = [[alone, largest], isNew ? 0 : clock];
   drawMotions();
@@ -414,7 +493,8 @@ function begin() {
   byId("version").textContent = `Written by tpd ${data.version}.`;
   const others = data.other_limits.join(", ");
   byId("other-limits").textContent = others && `Not evaluated on this page: ${others}.`;
-  for (const id of ["response-figure", "map-figure"]) byId(id).hidden = Boolean(ground);
+  for (const part of document.querySelectorAll(".harmonic")) part.hidden = Boolean(ground);
+  byId("runs-words").textContent = trials?.words ?? "";
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
   byId("reset").addEventListener("click", () => set(first));
@@ -424,12 +504,13 @@ function begin() {
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
   const push = byId("push"), start = () => (push.value = state.push = typedIn(push, PUSH, state.push));
   push.addEventListener("change", () => (start(), update()));
-  byId("map").addEventListener("click", ({ offsetX, offsetY }) => {
+  const choose = ({ offsetX, offsetY }) => {
     const { left, right, top, bottom } = drawMap.area;
     const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];
     // The labels beside the axes are no values.
     if (Math.min(x, y, 1 - x, 1 - y) >= 0) set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
-  });
+  };
+  for (const id of ["shares", "map"]) byId(id).addEventListener("click", choose);
   window.addEventListener("resize", () => update(false));
   // Readers who want less motion start the animation themselves.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) toggle();

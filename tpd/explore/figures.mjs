@@ -99,6 +99,21 @@ export function hatch(c, places, [wide, tall], number) {
   c.restore();
 }
 
+/** Return the pieces of the line of a level through a grid of values, as pairs of places in cells. */
+export function contour(values, columns, level) {
+  return values.flatMap((_, n) => {
+    const x = n % columns, y = Math.floor(n / columns);
+    if (x + 1 === columns || n + columns >= values.length) return [];
+    const corners = [[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]].map(([i, j]) => [i, j, values[i + j * columns]]);
+    const crossings = corners.flatMap(([i, j, here], side) => {
+      const [right, below, there] = corners[(side + 1) % 4], share = (level - here) / (there - here);
+      return here < level === there < level ? [] : [[i + share * (right - i), j + share * (below - j)]];
+    });
+    // A saddle has four crossings, and two pieces.
+    return [crossings.slice(0, 2), crossings.slice(2)].filter((piece) => piece.length);
+  });
+}
+
 /** Write a text with a white edge around a place, within the width of the figure. */
 export function writeOver(c, text, x, y) {
   const half = c.measureText(text).width / 2, most = c.canvas.clientWidth - half - 14;
