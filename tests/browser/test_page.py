@@ -4,6 +4,7 @@ import itertools
 import re
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tests.explore import made
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
+from tpd.answers.statistics import Share
 from tpd.limits import stroke_limit
 from tpd.theory.no_uplift import uplift
 
@@ -87,7 +89,7 @@ def type_in(window: Browser, name: str, text: str) -> float:
 def status(window: Browser) -> str:
     """The status line, which is written a little later than the tables."""
     window.run("new Promise((done) => setTimeout(done, 500))")
-    return window.run("document.querySelector('[role=status]').textContent")
+    return window.run("document.getElementById('summary').textContent")
 
 
 def notice(window: Browser) -> str:
@@ -130,6 +132,81 @@ def test_first_values_are_exact(show):
     assert not window.errors
 
 
+def results_of_runs(window: Browser) -> str:
+    """The sentence on the runs, once all of them are simulated."""
+    end = time.monotonic() + 120.0
+    while "overturn with your" not in (said := window.run("document.getElementById('runs-text').textContent")):
+        assert time.monotonic() < end, said
+        time.sleep(0.1)
+    return said
+
+
+def test_the_share_of_runs_that_overturn_is_that_of_the_package(show):
+    window = show("chimney")
+    problem = problem_of(CHIMNEY)
+    ensemble = replace(problem.ensemble, size=100)
+    type_in(window, "length", "1.0")
+    said = results_of_runs(window)
+    cells = "[...document.querySelectorAll('#runs tbody tr')].map((x) => x.textContent)"
+    rows = window.run(cells)
+    for i, pendulum in enumerate((pendulum_of(window), None)):
+        runs = tpd.outcomes(
+            CHIMNEY, pendulum, ensemble=ensemble, conditions=problem.conditions, equations="nonlinear"
+        )
+        assert len(rows) == 1 + len(runs.starts)
+        share, low, high = map(int, re.findall(r"(\d+) % \((\d+) to (\d+) %\)", said)[i])
+        # Chaos separates a motion near overturning from that of the package.
+        assert abs(share - 100.0 * runs.share_overturned.value) <= 2.0
+        expected = Share.of(np.arange(100) < share)
+        assert (low, high) == (round(100.0 * expected.low), round(100.0 * expected.high))
+    for label in runs.starts:
+        assert sum(row.startswith(f"{label}: ") for row in rows) == 1
+    assert not window.errors
+
+
+def test_the_page_stays_responsive_while_runs_are_simulated(show):
+    window = show("chimney")
+    results_of_runs(window)
+    type_in(window, "damping", "0.2")
+    window.run("new Promise((done) => setTimeout(done, 1500))")
+    said = window.run("document.getElementById('runs-text').textContent")
+    frames = window.run("tpdPage.frames()")
+    assert said.endswith("are simulated, with and without your pendulum.")
+    assert frames > 5, "frames of the last second"
+    # A further change ends the runs of the earlier values, and the sentence belongs to the last ones.
+    type_in(window, "damping", "0.6")
+    assert results_of_runs(window)
+
+
+def test_the_map_of_shares_has_a_description_and_holds_for_the_first_values(show):
+    window = show("chimney")
+    text = "document.getElementById('shares-text').textContent"
+    assert window.run("document.getElementById('shares').getAttribute('aria-describedby')") == "shares-text"
+    own = re.compile(r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is")
+    assert own.match(window.run(text))
+    move(window, "mass", 900)
+    assert own.match(window.run(text))
+    move(window, "frequency", 900)
+    assert not own.match(window.run(text)), "the map holds for another frequency"
+    words = window.run("document.getElementById('runs-words').textContent")
+    assert "Duration: runs of 100 periods (118 s)" in words
+    assert "begin at rest" in words
+    assert "counts as overturned if the tilt passes the toppling angle" in words
+
+
+def test_colours_follow_the_scheme_of_the_reader_and_figures_stay_white(show):
+    window = show("chimney")
+    for scheme, dark in (("light", False), ("dark", True)):
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        window.ask("Emulation.setEmulatedMedia", features=features)
+        colour = window.run("getComputedStyle(document.body).color")
+        assert (min(map(int, re.findall(r"\d+", colour)[:3])) > 128) == dark
+        assert window.run("getComputedStyle(document.getElementById('shares')).backgroundColor").endswith(
+            "(255, 255, 255)"
+        )
+    window.ask("Emulation.setEmulatedMedia", features=[])
+
+
 def test_a_slider_moves_the_values_and_their_source(show):
     window = show("chimney")
     before = row(window, "tilt")
@@ -167,7 +244,7 @@ def test_a_number_out_of_range_is_moved_into_it_with_a_notice(show):
     assert "but is empty: 162.8 is used" in notice(window)
     assert float(window.run("document.getElementById('mass').value")) == pytest.approx(low, rel=1e-5)
     assert type_in(window, "push", "1.4") == 0.9
-    assert "First tilt over the slenderness must be from -0.9 to 0.9" in notice(window)
+    assert "Initial tilt over the slenderness must be from -0.9 to 0.9" in notice(window)
     assert type_in(window, "mass", "600") == 600.0
     assert notice(window) == "", "a number that is used needs no notice"
 
@@ -301,7 +378,7 @@ def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, c
     job = job_of({"block": block, "excitation": motion})
     window.errors.clear()
     window.open(tpd.explore(job).write(tmp_path / "ground.html"))
-    assert window.run("document.getElementById('response-figure').hidden")
+    assert window.run("[...document.querySelectorAll('.harmonic')].every((part) => part.hidden)")
     type_in(window, "push", str(push))
     shaken = job.shaking if "pulse" in motion else job.conditions.motions[0]
     factor = 1.0 if "pulse" in motion else motion_factors(job.scene, job.conditions)[0]

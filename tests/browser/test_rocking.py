@@ -1,5 +1,6 @@
 """The equations of the page are those of the package: motions agree until chaos separates them."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 import tpd
 from tests.browser.node import needs_node, run
+from tpd.design.optimise import problem_of
+from tpd.explore.content import content
 from tpd.scene.impacts import housner
 
 PERIODS = 10
@@ -55,6 +58,40 @@ FOLLOW = """({ p, start, times }) => {
   const states = times.map((tau) => [...motion.advance(tau).y]);
   return { states, overturned: motion.overturned, impacts: motion.impacts };
 }"""
+
+
+RUNS = """({ p, scatter, isHousner, periods }) => scatter.phase.map((_, n) => {
+  return overturns(p, scatter, n, isHousner, periods);
+})"""
+
+
+@needs_node
+@pytest.mark.parametrize("restitution", ["housner", 0.95])
+def test_runs_overturn_as_in_the_package(restitution):
+    block = tpd.Block(width=1.3, height=10.0, mass=16280.0, restitution=restitution)
+    problem = problem_of(tpd.Scene(block, tpd.Harmonic(amplitude=0.081, frequency=0.85)))
+    pendulum = tpd.Pendulum(mass=400.0, length=0.7, damping_ratio=0.2)
+    trials = content(problem.scene)["trials"]
+    settings = {"ensemble": replace(problem.ensemble, size=100), "conditions": problem.conditions}
+    fallen = 0
+    for own in (pendulum, None):
+        expected = tpd.outcomes(problem.scene, own, equations="nonlinear", **settings)
+        inputs = {"p": plain(problem.scene.parameters(own)), "scatter": trials["scatter"], "periods": 100}
+        answer = run("rocking", "overturns", RUNS, inputs | {"isHousner": restitution == "housner"})
+        # A run near overturning may end in the other way after a hundred periods of chaos.
+        assert np.sum(np.array(answer) != expected.is_overturned) <= 3
+        fallen += int(expected.is_overturned.sum())
+    assert 5 < fallen < 195
+
+
+@needs_node
+def test_the_excitation_of_a_run_grows_from_its_phase():
+    load = "({ p, tau }) => tau.map((at) => new Motion(p).load(at))"
+    p, tau = plain(parameters()) | {"phase": 1.0, "growth": 10}, [0.1, 1.0, 40.0]
+    phase = p["xi"] * np.array(tau)
+    expected = p["f"] * np.minimum(1.0, phase / (20.0 * np.pi)) * np.sin(phase)
+    np.testing.assert_allclose(run("rocking", "Motion", load, {"p": p, "tau": tau}), expected, rtol=1e-12)
+    assert run("rocking", "Motion", "(p) => new Motion(p).tau", p) == pytest.approx(1.0 / p["xi"])
 
 
 def plain(p: tpd.Parameters) -> dict[str, float]:

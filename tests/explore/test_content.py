@@ -3,6 +3,7 @@
 import base64
 import inspect
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
 from tpd.explore import content as content_module
 from tpd.explore.content import content
+from tpd.explore.tables import NONE
 
 KEYS = {
     "version",
@@ -43,7 +45,7 @@ def values(out: dict) -> dict[str, float]:
 
 def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
     out = content(SCENE)
-    assert out.keys() == KEYS | {"tables", "periods"}
+    assert out.keys() == KEYS | {"tables", "periods", "trials"}
     assert (out["recommended"], out["runs"], out["verdict"]) == (None, [], "")
     own = values(out)
     assert own["mass"] == pytest.approx(SCENE.block.mass * (0.01 * 0.2) ** 0.5)
@@ -89,6 +91,34 @@ def test_the_values_of_the_design_are_nodes_of_the_table():
     assert out["tables"].keys() == {"grid", "without", "recommended"}
 
 
+def test_the_map_of_shares_and_the_runs_of_the_browser_are_those_of_the_validation():
+    problem = problem_of(SCENE)
+    ensemble = replace(problem.ensemble, size=100)
+    out = content(SCENE)
+    trials, own = out["trials"], values(out)
+    assert trials["words"] == problem.runs_in_words
+    damping = own["damping"]
+    table, share = trials["map"], trials["map"]["fields"]["share"]
+    codes = np.frombuffer(base64.b64decode(share["data"]), "<u2") * share["scale"] / (NONE - 1)
+    codes = codes.reshape([len(a["values"]) for a in table["axes"]])
+    masses, lengths = (a["values"] for a in table["axes"])
+    for i, j in ((0, 0), (5, 4), (-1, -2)):
+        pendulum = tpd.Pendulum(mass=masses[i], length=lengths[j], damping_ratio=damping)
+        runs = tpd.outcomes(SCENE, pendulum, ensemble=ensemble, conditions=problem.conditions)
+        assert codes[i, j] == pytest.approx(runs.share_overturned.value, abs=1e-4)
+    alone = tpd.outcomes(SCENE, ensemble=ensemble, conditions=problem.conditions)
+    assert trials["without"] == alone.share_overturned.value
+    assert trials["kinds"] == {
+        "all starts": list(range(100)),
+        **{label: np.flatnonzero(rows).tolist() for label, rows in alone.starts.items()},
+    }
+    assert {len(x) for x in trials["scatter"].values()} == {100}
+    # The first run is the nominal one, from rest.
+    first = {name: x[0] for name, x in trials["scatter"].items()}
+    assert (first["growth"], first["phase"], first["start"]) == (0.0, 0.0, [0.0] * 4)
+    assert first["nu"] == first["mu"] == first["zeta"] == 1.0
+
+
 def test_a_rejected_design_begins_with_the_last_pendulum_that_was_validated():
     design = made.rejected()
     out = content(design)
@@ -104,7 +134,7 @@ def test_a_stored_design_has_the_same_content(tmp_path):
     name = "A </script> tower"
     out, again = content(made.design()), content(made.stored(tmp_path, name))
     assert (again["title"], again["verdict"]) == (name, "RECOMMENDED for the stated conditions.")
-    for key in ("runs", "recommended", "controls", "tables", "scene", "limits"):
+    for key in ("runs", "recommended", "controls", "tables", "trials", "scene", "limits"):
         assert again[key] == out[key], key
 
 

@@ -10,7 +10,6 @@ const SIMULATED = "simulated in the browser", EXACT = "exact";
 const WINDOW = 12, FRAME = 0.008; // Periods in the figure of the tilt against time; steps of this figure, s.
 const LEVELS = [0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9]; // Shares on the lines of the map.
 const PAUSE = 500; // Time without a change after which the runs begin, ms.
-const APART = 60; // Least distance of the labels of lines, pixels.
 const PUSH = { label: "Initial tilt over the slenderness", unit: "", low: -0.9, high: 0.9 };
 const COLUMNS = 90, ROWS = 64; // Samples of the map.
 
@@ -229,24 +228,30 @@ function shareText(hits) {
 /** Simulate all runs with and without the pendulum. Pauses keep the page responsive, and a later call ends this one. */
 async function simulateRuns(pendulum) {
   const call = (simulateRuns.call = {}), key = JSON.stringify(excitation()), all = trials.kinds["all starts"];
-  const wait = (time) => new Promise((done) => setTimeout(done, time)), falls = [];
   // The runs without a pendulum are still valid if the base motion is the same.
   if (simulateRuns.key !== key) [simulateRuns.key, simulateRuns.alone] = [key, []];
-  const { alone } = simulateRuns, words = (rows) => [shareText(rows.map((n) => falls[n])), shareText(rows.map((n) => alone[n]))];
-  const answered = (rows) => rows.filter((n) => Number.isFinite(falls[n] + alone[n]));
-  byId("runs-text").textContent = `${all.length} runs with and without your pendulum are being simulated.`;
-  await wait(PAUSE);
+  const cases = [{ pendulum, falls: [] }, { pendulum: null, falls: simulateRuns.alone }], [own, alone] = cases;
+  const pause = (time) => new Promise((done) => setTimeout(done, time));
+  const answered = (rows) => rows.filter((n) => Number.isFinite(own.falls[n] + alone.falls[n]));
+  const texts = (rows) => cases.map(({ falls }) => shareText(answered(rows).map((n) => falls[n])));
+  const only = (a, b) => answered(all).filter((n) => a.falls[n] > b.falls[n]).length;
+  const label = (name, rows) => `${name}: ${answered(rows).length} runs`;
+  const show = ([name, rows]) => [name, label(name, rows), ...texts(rows)];
+  byId("runs-text").textContent = `${all.length} runs are simulated, with and without your pendulum.`;
+  fill("runs", Object.entries(trials.kinds).map(show));
+  await pause(PAUSE);
   for (const n of all) {
-    for (const [own, results] of [[pendulum, falls], [null, alone]]) {
+    for (const { pendulum, falls } of cases) {
       if (simulateRuns.call !== call) return;
-      results[n] ??= overturns(parameters(scene, excitation(), own), trials.scatter, n, scene.restitution === "housner", data.periods);
-      await wait(0);
+      const p = parameters(scene, excitation(), pendulum), isHousner = scene.restitution === "housner";
+      falls[n] ??= overturns(p, trials.scatter, n, isHousner, data.periods);
+      await pause(0);
     }
-    fill("runs", Object.entries(trials.kinds).map(([name, rows]) => [name, `${name}: ${answered(rows).length} runs`, ...words(answered(rows))]));
+    fill("runs", Object.entries(trials.kinds).map(show));
   }
-  const [own, without] = words(answered(all)), only = (a, b) => answered(all).filter((n) => a[n] > b[n]).length;
-  byId("runs-text").textContent = `${own} of the runs overturn with your pendulum, ${without} without one (95 % intervals). `
-    + `In ${only(alone, falls)} runs only the block without a pendulum overturns, in ${only(falls, alone)} only the one with it.`;
+  const [share, without] = texts(all);
+  byId("runs-text").textContent = `${share} of the runs overturn with your pendulum, ${without} without one (95 % `
+    + `intervals). Only without it ${only(alone, own)} runs overturn, and only with it ${only(own, alone)}.`;
 }
 
 // Figures
@@ -310,29 +315,31 @@ function drawPendulums({ c, px, py }) {
   drawMark(c, px(state.mass), py(state.length));
 }
 
+/** Return the share of runs that overturn with a pendulum of the map, interpolated. */
+const shareAt = ({ mass, length }) => lookUp(shares, "share", place(shares, [mass, length])).value;
+
 /** Draw the share of runs that overturn over mass and length, with lines of equal shares. */
 function drawShares() {
-  const at = ({ mass, length }) => lookUp(shares, "share", place(shares, [mass, length]));
-  const values = (drawShares.values ??= samples.map((sample) => at(sample).value)), labels = [];
+  const alone = trials.without, values = (drawShares.values ??= samples.map(shareAt)), labels = [];
+  // Two lines next to each other would have labels that hide each other.
+  const levels = [alone, ...LEVELS.filter((x) => Math.abs(x - alone) > 0.03)];
+  const lines = (drawShares.lines ??= levels.map((level) => contour(values, COLUMNS, level)));
   const axes = drawPlane("shares", values.map((share) => 0.8 * share)), { c, left, top, wide, tall } = axes;
-  const lines = [[trials.without, 3, `${percent(trials.without)} as without`], ...LEVELS.map((x) => [x, 1, `${100 * x} %`])];
-  for (const [level, width, text] of lines) {
-    const pieces = contour(values, COLUMNS, level);
-    const places = pieces.map((piece) => piece.map(([i, j]) => [left + (i + 0.5) * wide, top + (j + 0.5) * tall]));
-    drawLine(c, places.flatMap((piece) => [...piece, [0, NaN]]), INK, width);
-    const middle = places.length >> 1, ways = [...places.slice(middle), ...places.slice(0, middle)].map(([way]) => way);
-    const free = ways.find(([x, y]) => labels.every(([a, b]) => Math.hypot(a - x, b - y) > APART));
-    if (free && pieces.length > 5) labels.push([...free, text]);
-  }
+  const at = ([i, j]) => [left + (i + 0.5) * wide, top + (j + 0.5) * tall];
+  lines.forEach((line, i) => {
+    const pieces = line.map((piece) => piece.map(at)), text = `${Math.round(100 * levels[i])} %`;
+    drawLine(c, pieces.flatMap((piece) => [...piece, [0, NaN]]), INK, i ? 1 : 3);
+    for (const [[x, y]] of pieces) {
+      const isFree = ([a, b, own]) => Math.hypot(a - x, b - y) > (own === text ? 180 : 60);
+      if (Math.abs(y - at([0, ROWS / 2])[1]) < 0.45 * ROWS * tall && labels.every(isFree)) labels.push([x, y, text]);
+    }
+  });
   for (const [x, y, text] of labels) writeOver(c, text, x, y + 4);
   drawPendulums(axes);
-  const { low, high } = values.reduce((ends, x, n) => {
-    return { low: x < values[ends.low] ? n : ends.low, high: x > values[ends.high] ? n : ends.high };
-  }, { low: 0, high: 0 });
-  const text = (n) => `${percent(values[n])} at ${format(samples[n].mass)} kg and ${format(samples[n].length)} m`;
-  const now = isFixed() ? ` Your pendulum: ${percent(at(state).value)}.` : "";
-  byId("shares-text").textContent = `Without a pendulum ${percent(trials.without)} of the runs overturn. Least share: `
-    + `${text(low)}. Largest share: ${text(high)}.${now}`;
+  const least = Math.min(...values), { mass, length } = samples[values.indexOf(least)];
+  const own = isFixed() ? ` and ${percent(shareAt(state))} with yours` : "";
+  byId("shares-text").textContent = `Of the runs ${percent(alone)} overturn without a pendulum${own}. The least `
+    + `share is ${percent(least)}, at ${format(mass)} kg and ${format(length)} m.`;
 }
 
 /** Draw the steady tilt over mass and length, the regions of exceeded limits, and both pendulums. */

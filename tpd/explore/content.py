@@ -61,10 +61,7 @@ _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "wo
 _NEAR = np.array([0.02, 0.02, 0.2])
 """Relative distance in mass, length and damping within which stored runs hold for a design without a
 tolerance range of its own: the scatter of the validation runs."""
-_RUN_ROWS = (
-    ("overturned", "Share overturned in the report"),
-    ("mean", "Mean tilt over the slenderness in the report"),
-)
+_RUN_ROWS = ("overturned", "Share overturned in the report"), ("mean", "Mean tilt over the slenderness")
 """Names and labels of the rows on validation runs."""
 _NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
 """Numbers by their words in a file."""
@@ -265,31 +262,29 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
 def _trials(problem: HarmonicProblem, start: Pendulum, axes: list[GridAxis]) -> dict[str, Any]:
     """Runs that the browser simulates, and the share of them that overturn over mass and length."""
     ensemble, conditions = replace(problem.ensemble, size=_RUNS), problem.conditions
-    alone, masses, lengths = None, *(a.values.tolist() for a in axes)
-    pendulums = [replace(start, mass=mass, length=length) for mass in masses for length in lengths]
+    grid = np.meshgrid(*(a.values for a in axes), indexing="ij")
+    sizes = zip(*(x.ravel().tolist() for x in grid), strict=True)
+    pendulums = (replace(start, mass=mass, length=length) for mass, length in sizes)
     # The same runs everywhere: their scatter is no difference between two pendulums.
-    cases = [
-        outcomes(problem.scene, pendulum, ensemble=ensemble, conditions=conditions)
-        for pendulum in (alone, *pendulums)
-    ]
-    without, *shares = (runs.share_overturned.value for runs in cases)
-    table = Table(tuple(axes), {"share": np.reshape(shares, (len(masses), len(lengths)))})
+    how = {"ensemble": ensemble, "conditions": conditions}
+    alone, *cases = (outcomes(problem.scene, pendulum, **how) for pendulum in (None, *pendulums))
+    shares = np.reshape([runs.share_overturned.value for runs in cases], grid[0].shape)
     p = problem.scene.parameters(start)
-    runs = plan(p, ensemble, conditions)
+    runs = plan(p, **how)
     nominal = {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio}
     # The page multiplies its own parameters by the factors of each run. A value of zero stays zero.
-    scatter = {n: getattr(runs.p, n) / (float(x) or 1.0) for n, x in nominal.items()}
+    scatter = {name: getattr(runs.p, name) / (float(x) or 1.0) for name, x in nominal.items()}
     if p.e is None:
         # Housner's e follows the mass of the bob: runs differ from it by a number.
         scatter["e"] = runs.p.e - housner(runs.p.nu, runs.p.rho, runs.p.mu)
     scatter |= {"phase": runs.begin * runs.p.xi, "growth": runs.growth, "start": runs.y0}
-    kinds = {label: np.flatnonzero(rows).tolist() for label, rows in cases[0].starts.items()}
+    starts = {"all starts": np.ones(_RUNS)} | alone.starts
     return {
         "words": problem.runs_in_words,
-        "scatter": {name: np.asarray(x).tolist() for name, x in scatter.items()},
-        "kinds": {"all starts": list(range(_RUNS)), **kinds},
-        "without": without,
-        "map": table.encoded(),
+        "scatter": {name: x.tolist() for name, x in scatter.items()},
+        "kinds": {label: np.flatnonzero(rows).tolist() for label, rows in starts.items()},
+        "without": alone.share_overturned.value,
+        "map": Table(tuple(axes), {"share": shares}).encoded(),
     }
 
 

@@ -86,19 +86,14 @@ export function housner(nu, rho, mu) {
   return (1 - (2 + mu) * share) / (1 + mu * share);
 }
 
-/** Return the parameters of a validation run: those of the nominal run `p` with the `scatter` of run number n. */
-export function scattered(p, scatter, n, isHousner) {
-  const own = { ...p, phase: scatter.phase[n], growth: scatter.growth[n] };
-  for (const name of ["nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"]) own[name] = p[name] * scatter[name][n];
-  if (!isHousner) return own;
-  const e = housner(own.nu, own.rho, own.mu);
-  return { ...own, e: Math.max(0, Math.min(e + scatter.e[n], Math.max(e, 0.999))) };
-}
-
-/** Return whether the block overturns in run number n; NaN if the run has no answer. */
+/** Return whether the block overturns in run n of the validation, which has the parameters `p` with its scatter. */
 export function overturns(p, scatter, n, isHousner, periods) {
-  const own = scattered(p, scatter, n, isHousner), motion = new Motion(own, scatter.start[n]);
-  motion.complete((2 * Math.PI * periods) / own.xi, periods);
+  const own = { ...p, phase: scatter.phase[n], growth: scatter.growth[n] };
+  for (const name of ["nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"]) own[name] *= scatter[name][n];
+  // Runs differ from Housner's restitution by a number.
+  const e = housner(own.nu, own.rho, own.mu);
+  if (isHousner) own.e = Math.max(0, Math.min(e + scatter.e[n], Math.max(e, 0.999)));
+  const motion = new Motion(own, scatter.start[n]).complete((2 * Math.PI * periods) / own.xi, periods);
   return motion.stalled ? NaN : Number(motion.overturned);
 }
 
