@@ -14,10 +14,10 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
+from tpd.answers.statistics import Share
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
-from tpd.answers.statistics import Share
 from tpd.limits import stroke_limit
 from tpd.theory.no_uplift import uplift
 
@@ -135,7 +135,9 @@ def test_first_values_are_exact(show):
 def results_of_runs(window: Browser) -> str:
     """The sentence on the runs, once all of them are simulated."""
     end = time.monotonic() + 120.0
-    while "overturn with your" not in (said := window.run("document.getElementById('runs-text').textContent")):
+    while "overturn with your" not in (
+        said := window.run("document.getElementById('runs-text').textContent")
+    ):
         assert time.monotonic() < end, said
         time.sleep(0.1)
     return said
@@ -182,7 +184,9 @@ def test_the_map_of_shares_has_a_description_and_holds_for_the_first_values(show
     window = show("chimney")
     text = "document.getElementById('shares-text').textContent"
     assert window.run("document.getElementById('shares').getAttribute('aria-describedby')") == "shares-text"
-    own = re.compile(r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is")
+    own = re.compile(
+        r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is"
+    )
     assert own.match(window.run(text))
     move(window, "mass", 900)
     assert own.match(window.run(text))

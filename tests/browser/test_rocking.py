@@ -68,7 +68,7 @@ RUNS = """({ p, scatter, isHousner, periods }) => scatter.phase.map((_, n) => {
 @needs_node
 @pytest.mark.parametrize("restitution", ["housner", 0.95])
 def test_runs_overturn_as_in_the_package(restitution):
-    block = tpd.Block(width=1.3, height=10.0, mass=16280.0, restitution=restitution)
+    block = tpd.Block(width=1.3, height=10.0, mass=16280.0, restitution=restitution, cavity_width=0.9)
     problem = problem_of(tpd.Scene(block, tpd.Harmonic(amplitude=0.081, frequency=0.85)))
     pendulum = tpd.Pendulum(mass=400.0, length=0.7, damping_ratio=0.2)
     trials = content(problem.scene)["trials"]
