@@ -45,8 +45,11 @@ __all__ = [
     "Worsening",
 ]
 """Public names, in the order of the reference."""
-Measure = Literal["overturning", "tilt"]
-"""Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
+Measure = Literal["overturning", "tilt", "rate"]
+"""Measures that a pendulum can be required to reduce: the share of runs that overturn, the mean tilt, or the
+annual rate of overturning."""
+MEASURED = {"overturning": "share of runs that overturn", "tilt": "mean tilt", "rate": "rate of overturning"}
+"""Words for the measures."""
 THICKNESS = "thickness"
 """Name of the size: half the height of the bob over the largest share of its rod."""
 DEPTH = "depth"
@@ -79,8 +82,9 @@ class Requirements:
     """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
     %."""
     reduce: Measure | None = None
-    """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
-    which a run that overturns counts as 1. Default: overturning if the block overturns in at least 1 % of the
+    """Measure that must fall: "overturning", the share of runs that overturn, "tilt", the mean tilt, in which
+    a run that overturns counts as 1, or "rate", the annual rate of overturning under ground motions of at
+    least three levels with a hazard. Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial

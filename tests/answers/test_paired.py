@@ -1,6 +1,8 @@
 """Paired runs: the benefit of known outcomes, its interval, harm, and runs without an answer."""
 
 import dataclasses
+import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +11,43 @@ import tpd
 from tests.benchmarks import quoted, stored
 from tests.designs import outcomes, paired
 from tpd.answers.ensemble import outcomes as followed
-from tpd.answers.statistics import fall
+from tpd.answers.paired import Decision
+from tpd.answers.statistics import Interval, conditional_interval, fall
 
 PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
+
+
+def with_ratio(mean: float, low: float, high: float, **more):
+    """Return paired runs with this ratio of the annual rates."""
+    rates = SimpleNamespace(ratio=Interval(mean, low, high))
+    return paired([0.1] * 4, [0.2] * 4, annual=lambda runs: rates, **more)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "reduction", "is_enough"),
+    [
+        ((0.6, 0.4, 0.9), (0.4, 0.1, 0.6), True),
+        ((0.6, 0.4, 1.0), (0.4, 0.0, 0.6), False),
+        ((0.95, 0.93, 0.97), (0.05, 0.03, 0.07), False),
+        # An unknown rate has not fallen, whatever its ends are.
+        ((math.nan, 0.0, 0.7), (math.nan, 0.3, 1.0), False),
+        ((math.nan, 0.0, math.inf), (math.nan, -math.inf, 1.0), False),
+    ],
+)
+def test_a_required_rate_falls_if_the_whole_interval_of_the_ratio_is_below_one(ratio, reduction, is_enough):
+    runs = with_ratio(*ratio)
+    of, is_significant = runs.reduction("rate")
+    assert (of.mean, of.low, of.high) == pytest.approx(reduction, nan_ok=True)
+    assert is_significant == (ratio[2] < 1.0)
+    assert (runs.margin("rate", 0.1, 0.05) >= 0.0) == is_enough
+
+
+def test_a_rate_that_decided_has_a_conditional_interval():
+    passed = with_ratio(0.6, 0.4, 0.9, passed=Decision("rate", 0.05))
+    of, alone = passed.reduction("rate")[0], passed.unconditional.reduction("rate")[0]
+    assert of == conditional_interval(alone, alone, 0.05)
+    assert of.low < alone.low
+    assert paired([0.1], [0.2]).annual_rates is None
 
 
 def means(runs) -> list:

@@ -12,6 +12,7 @@ from tests.unanswered import unanswered
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.records import el_centro
+from tpd.scene.hazard import HOW_TO
 
 TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
@@ -106,6 +107,41 @@ def test_accelerations_are_in_g_and_the_unit_is_printed(run, words):
     shares = [float(r["shares"]) for r in done.rows("fragility.csv")]
     assert shares == pytest.approx(curves.columns()["shares"].tolist())
     assert curves.unit == "m/s^2"
+
+
+SITE = """
+[block]
+width = 1.0
+height = 6.0
+mass = 9000.0
+restitution = 0.95
+[excitation]
+records = ["el-centro", "loma-prieta"]
+scales = [1, 2, 3]
+[hazard]
+levels = [0.1, 1.0]
+rates = [0.02, 6e-5]
+"""
+
+
+def test_a_hazard_adds_the_annual_rates(run, tmp_path):
+    (tmp_path / "site.toml").write_text(SITE)
+    done = run("fragility --scene", str(tmp_path / "site.toml"), PENDULUM_OPTIONS)
+    rates = done.json("fragility.json")["annual_rates"]
+    assert rates["stripes"] == pytest.approx(np.array([1.0, 2.0, 3.0]) / 6.0)
+    assert [set(rate) for rate in (*rates["cases"], rates["ratio"])] == [{"mean", "low", "high"}] * 3
+    assert "The block overturns " in done.out
+    assert HOW_TO not in done.out
+    # The intensity of the hazard is checked before the runs.
+    other = run("fragility --scene", str(tmp_path / "site.toml"), "--intensity pgv --overwrite")
+    sentence = "tpd: hazard and ground motions must have the same `intensity`, but they have PGA in g and PGV"
+    assert (other.status, other.err.splitlines()[-1]) == (2, sentence)
+
+
+def test_without_a_hazard_one_line_explains_how_to_state_it(run):
+    done = run("fragility", COLUMN, "--records el-centro --scales 1 4")
+    assert f"{HOW_TO}." in " ".join(done.out.split())
+    assert done.json("fragility.json")["annual_rates"] is None
 
 
 def test_the_default_intensity_is_explained(run):

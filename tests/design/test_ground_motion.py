@@ -8,11 +8,15 @@ import pytest
 
 import tpd
 from tests.designs import BLOCK, GROUND, noise, records
+from tpd.answers.fragility import fit_lognormal
 from tpd.core.progress import unreported
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.validate import validate
+from tpd.report import words
 from tpd.scene.ground_motion import earthquakes_of, events_of
+from tpd.scene.hazard import HOW_TO
 
 DESIGN = np.array([0.12, 0.4, 0.5])
 RECORDS = records()
@@ -223,6 +227,78 @@ def test_a_trial_has_at_least_192_runs_if_the_blocks_vary():
     assert len(found.nu) == 192
     assert len(np.unique(found.nu)) == 192
     np.testing.assert_array_equal(np.bincount(found.condition.astype(int)), 48)
+
+
+SITE = tpd.Hazard(levels=[0.1, 0.4, 1.5], rates=[0.02, 1e-3, 1e-5], intensity="pga_g")
+
+
+def with_hazard(hazard=SITE, scales=(1.3, 2.0, 5.0), **given) -> GroundMotionProblem:
+    conditions = tpd.Conditions.records(RECORDS, scales, hazard=hazard)
+    return GroundMotionProblem.of(BLOCK, conditions, ensemble=UNSCATTERED, **given)
+
+
+def test_annual_rates_are_those_of_the_counted_validation_runs():
+    p = with_hazard()
+    runs = p.paired_runs(DESIGN, 0)
+    rates = runs.annual_rates
+    # The benefit counts 10 motions of 5 earthquakes at three levels, which are PGA over g tan(alpha).
+    assert rates.earthquakes == 5
+    assert rates.stripes == pytest.approx([x * float(BLOCK.slenderness) for x in (1.3, 2.0, 5.0)])
+    for rate, case in zip(rates.cases, (runs.without_pendulum, runs.with_pendulum), strict=True):
+        hits = case.is_overturned[runs.counted].astype(float).reshape(10, 3)
+        fit = fit_lognormal(rates.stripes, hits)
+        assert rate.mean == SITE.annual_rate(fit.median, fit.dispersion)
+    assert p.yearly(rates) == rates.sentences
+    # All motions count without a pendulum, because none of them was used.
+    alone = p.annual_rates([runs.without_pendulum])
+    assert (alone.earthquakes, alone.ratio) == (10, None)
+
+
+def test_without_a_hazard_one_sentence_explains_how_to_state_it():
+    assert with_hazard(None).yearly(None) == (HOW_TO,)
+    assert with_hazard(None).paired_runs(DESIGN, 0).annual_rates is None
+    # A single level determines no curve.
+    assert with_hazard(None, scales=(2.0,)).yearly(None) == ()
+
+
+def test_the_hazard_must_have_the_intensity_of_the_scales():
+    velocity = dataclasses.replace(SITE, intensity="pgv")
+    with pytest.raises(ValueError, match="same `intensity`, but they have PGV in m/s and PGA"):
+        with_hazard(velocity)
+
+
+RATE = tpd.limits.Requirements(reduce="rate")
+
+
+def test_a_lower_rate_can_be_required_only_with_a_hazard_and_three_levels():
+    assert with_hazard(requirements=RATE).requirements.reduce == "rate"
+    message = "`reduce` can be rate only with a hazard and 3 levels or more, but there are "
+    for given, have in (
+        ({"hazard": None}, "3 levels and no hazard"),
+        ({"scales": (1.3, 2.0)}, "2 levels and a"),
+    ):
+        with pytest.raises(ValueError, match=message + have):
+            with_hazard(**given, requirements=RATE)
+    with pytest.raises(ValueError, match=message + "no levels and no hazard"):
+        tpd.optimise(tpd.paper_scene(), limits=tpd.limits.POINT_BOB, requirements=RATE)
+
+
+def test_a_required_rate_decides():
+    p = with_hazard(requirements=RATE, limits=(tpd.limits.Stroke(1.5),))
+    result = validate(p, DESIGN)
+    assert result.measure == "rate"
+    of = result.decided.annual_rates.ratio
+    falls = of.high < 1.0 and 1.0 - of.mean >= 0.1 and 1.0 - of.high >= 0.05
+    assert (ReasonKind.too_little_benefit not in {reason.kind for reason in result.reasons}) == falls
+    assert "rate of overturning" in words.reduced(result.decided, "rate")
+
+
+def test_a_problem_with_a_hazard_is_a_job():
+    motions = [tpd.records.el_centro(), tpd.records.loma_prieta()]
+    hazard = tpd.Hazard(levels=[0.980665, 4.903325], rates=[0.02, 1e-3])
+    conditions = tpd.Conditions.records(motions, (1.5, 2.0), hazard=hazard)
+    job = GroundMotionProblem.of(BLOCK, conditions, validation_share=0.0).job
+    assert job.hazard == tpd.Hazard(levels=[0.1, 0.5], rates=[0.02, 1e-3], intensity="pga_g")
 
 
 @pytest.mark.parametrize("names", ["named", "nameless", "groups"])

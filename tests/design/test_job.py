@@ -67,6 +67,7 @@ JOBS = {
         "search": {"steps": 3, "designs": 5},
     },
     "sizes": {"excitation": {"pulse": "ricker", "pulse_frequency": 1.0, "pga": 1.0, "scales": [1, 2]}},
+    "hazard": {"excitation": RECORDS, "hazard": {"levels": [0.1, 0.3], "rates": [0.01, 4e-4]}},
 }
 
 
@@ -193,6 +194,15 @@ def test_a_job_states_accelerations_in_g():
     assert one.shaking.pga == pytest.approx(0.3 * g)
 
 
+def test_a_hazard_of_a_job_has_accelerations_in_g_and_belongs_to_its_conditions():
+    given = {"levels": [0.1, 0.3], "rates": [0.01, 4e-4]}
+    job = jobs.job_of({"excitation": RECORDS, "hazard": given})
+    assert job.hazard == tpd.Hazard(**given, intensity="pga_g") == job.conditions.hazard
+    velocity = jobs.job_of({"excitation": RECORDS, "hazard": given | {"intensity": "pgv"}})
+    assert velocity.hazard.measure.unit == "m/s"
+    assert jobs.job_of({"excitation": RECORDS}).hazard is None
+
+
 def test_the_kind_of_motion_follows_from_its_keys():
     assert jobs.job_of({}).kind == "harmonic"
     pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
@@ -260,6 +270,13 @@ excitation = {pulse = "rickr", pulse_frequency = 1} | but is 'rickr'; did you me
 excitation = {PULSE} | `pga`, the peak acceleration of the pulse in g, is missing
 excitation = {pulse = "ricker"} | a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p
 excitation.kind = "record" | but is 'record'; did you mean `records`?
+hazard.levels = [0.1, 0.2] | `hazard.levels` requires a pulse or records, which this job does not have
+excitation = {RECORDS}; hazard.levels = [0.1, 0.2] | [hazard] `rates` must be 2 rates per year, one for each
+excitation = {RECORDS}; hazard.rates = [0.1, 0.2] | [hazard] `levels` must be a vector of 2 or more increasi
+excitation = {RECORDS}; hazard.intensity = "pgv" | [hazard] `levels` must be a vector of 2 or more increasin
+excitation = {RECORDS}; hazard = {levels = [1, 2], rates = [2, 3]} | [hazard] `rates` must fall from level t
+excitation = {RECORDS}; hazard = {levels = [1, 2], rates = [2, 1], intensity = "sa"} | [hazard] `period` (s)
+excitation = {RECORDS}; hazard = {levels = [0.1, 0.2], rates = [0.01, 0]} | [hazard] `rates` must be positive
 limits.tilt = true | [limits] `tilt` must be a number or false, but is true
 """
 """Jobs, and a part of the sentence that rejects each."""

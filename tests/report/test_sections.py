@@ -12,6 +12,7 @@ from tpd.design.reasons import DesignStatus
 from tpd.design.transfer import Transfer
 from tpd.report import sections, words
 from tpd.report.blocks import Table
+from tpd.scene.hazard import HOW_TO
 
 
 def rows(table) -> dict:
@@ -49,7 +50,8 @@ def test_a_group_that_is_worse_is_marked():
 
 def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
     design = ground()
-    table, chance, _ = sections.over_runs(design)
+    table, chance, rates, _ = sections.over_runs(design)
+    assert rates.text == f"{HOW_TO}."
     assert design.runs.description.startswith("2 paired runs")
     assert "1 earthquake" in design.runs.description
     assert "1 earthquakes" not in design.runs.description

@@ -95,7 +95,7 @@ def test_the_unit_belongs_to_the_intensity():
     )
     spectral = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="sa_g", period=0.5)
     assert spectral.measure == Measure("Sa(0.5 s)", STANDARD_GRAVITY, "g")
-    message = "must have the same intensity, but they have PGA in g and Sa(0.5 s)"
+    message = "must have the same `intensity`, but they have PGA in g and Sa(0.5 s)"
     with pytest.raises(ValueError, match=re.escape(message)):
         SITE.factor(spectral.measure)
 

@@ -20,8 +20,6 @@ from tpd.core.formatting import Printed, number, percent
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 from tpd.scene.hazard import Hazard
 
-HOW_TO = "With the table [hazard] of the site the answer also says once in how many years the block overturns"
-"""Sentence for results without a hazard, without its full stop."""
 RESAMPLES = 1000
 """Number of resamples of the bootstrap."""
 _FAR = 2.0
@@ -89,7 +87,7 @@ class AnnualRates(Printed, Cases):
         if self.earthquakes >= LEAST_EARTHQUAKES:
             kind = f"{RESAMPLES} resamples of {self.earthquakes} earthquakes, seed {self.seed}"
             none = f"; {self.without_fit} of them determine no curve" if self.without_fit else ""
-            out.append(f"The intervals are those of a paired bootstrap ({kind}{none})")
+            out.append(f"The intervals are those of a {'paired ' * bool(self.ratio)}bootstrap ({kind}{none})")
         (quantity, _, unit), last = self.hazard.measure, self.hazard.levels[-1]
         if shares := [percent(x) for x in self.extrapolated if x >= _MUCH]:
             where = f"a {quantity} beyond the levels of the runs or of the hazard"
@@ -103,10 +101,12 @@ class AnnualRates(Printed, Cases):
     def _clause(self, i: int, name: str) -> str:
         """Return a clause with the rate of a case: its years, interval, and probability in 50 years."""
         rate = self.cases[i]
+        # A high rate means few years, so that the ends change places.
+        years = Interval(self.years[i], 1.0 / rate.high, 1.0 / rate.low if rate.low else math.inf)
         if math.isnan(rate.mean):
             why = f"dispersion of the curve: {self.fits[i].words[1]}"
-            return f"at an unknown annual rate{name} ({_words(rate)}; {why})"
-        years = Interval(self.years[i], 1.0 / rate.high, 1.0 / rate.low if rate.low else math.inf)
+            allowed = _words(years, "years that the outcomes allow:")
+            return f"at an unknown annual rate{name} ({allowed}; {why})"
         share = f"{percent(self.in_50_years[i], 1)} in 50 years"
         return f"once in {number(years.mean, 3)} years{name} ({_words(years)}, {share})"
 
@@ -114,11 +114,11 @@ class AnnualRates(Printed, Cases):
         return "\n".join(f"{sentence}." for sentence in self.sentences)
 
 
-def _words(of: Interval) -> str:
+def _words(of: Interval, begin: str = "95 % interval") -> str:
     """Return the interval of a number in words."""
     if (of.low, of.high) == (0.0, math.inf):
         return "interval unknown"
-    return f"95 % interval {number(of.low, 2)} to {number(of.high, 2)}"
+    return f"{begin} {number(of.low, 2)} to {number(of.high, 2)}"
 
 
 def annual_rates(fragility: Fragility, hazard: Hazard, *, seed: checks.Whole = 0) -> AnnualRates:
@@ -148,6 +148,7 @@ def annual_rates(fragility: Fragility, hazard: Hazard, *, seed: checks.Whole = 0
     """
     checks.instance("fragility", fragility, Fragility)
     checks.instance("hazard", hazard, Hazard)
+    # The tilt of a run that overturns is infinite, whatever the damage states of the curves are.
     hits = np.where(np.isnan(fragility.tilts), np.nan, np.isinf(fragility.tilts))
     stripes = fragility.stripes * hazard.factor(fragility.measure)
     return rates_of_outcomes(hazard, stripes, hits, fragility.quakes, checks.seed("seed", seed))
@@ -171,6 +172,7 @@ def rates_of_outcomes(
     draws = [rng.integers(n, size=n) for _ in range(RESAMPLES if n >= LEAST_EARTHQUAKES else 0)]
     # The first row has the motions themselves, the others those of the resamples.
     rows = [np.arange(len(quakes)), *(np.concatenate([members[i] for i in draw]) for draw in draws)]
+    # Both cases have the same earthquakes in a resample, so that their common effects cancel in the ratio.
     fits = [[fit_lognormal(stripes, hit[of]) for hit in hits] for of in rows]
     # Lowest and highest rates, and their ratios, each with a row for each resample.
     low, high = np.array([[_allowed(hazard, fit) for fit in row] for row in fits]).T

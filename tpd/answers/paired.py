@@ -145,6 +145,8 @@ class PairedRuns(Printed):
     Benefit and reduction of overturning are estimates given this decision (truncated normal)."""
     worse: float = WORSE
     """Relative increase of the mean severity that is allowed in a part."""
+    annual: Callable[[PairedRuns], Any] | None = None
+    """Function that returns `annual_rates`."""
 
     @property
     def _cases(self) -> tuple[Runs, Runs]:
@@ -216,6 +218,11 @@ class PairedRuns(Printed):
         """
         return self._reduction("overturning")
 
+    @cached_property
+    def annual_rates(self) -> Any:
+        """Annual rates of overturning in the counted runs, `AnnualRates`; None without a hazard."""
+        return self.annual and self.annual(self)
+
     def _reduction(self, measure: str) -> Interval:
         with_pendulum, without_pendulum = pair = self._pair(measure)
         # A relative reduction of zero overturned runs has no meaning.
@@ -250,13 +257,20 @@ class PairedRuns(Printed):
         return "overturning" if self.change("overturned").without_pendulum >= OVERTURNS else "tilt"
 
     def reduction(self, measure: str) -> tuple[Interval, bool]:
-        """Return the relative reduction of "overturning" or "tilt", and whether it is significant.
+        """Return the relative reduction of "overturning", "tilt" or "rate", and whether it is significant.
 
         The reduction is significant if the interval of the difference is below zero. With few runs the
         interval of the ratio may be above zero although the difference is not significant.
         """
         if measure == "overturning":
             return self.overturning_reduction, self.change("overturned").high < 0.0
+        if measure == "rate":
+            # The reduction is significant if the whole interval of the ratio of the rates is below 1. An
+            # unknown ratio is NaN, and has not fallen.
+            ratio = self.annual_rates.ratio
+            of = Interval(1.0 - ratio.mean, 1.0 - ratio.high, 1.0 - ratio.low)
+            quoted = of if self.passed is None else conditional_interval(of, of, self.passed.margin)
+            return quoted, of.low > 0.0
         return self.benefit, self.change("mean severity").high < 0.0
 
     def margin(self, measure: str, least: float, low: float) -> float:
@@ -265,7 +279,7 @@ class PairedRuns(Printed):
         It is negative or NaN if the reduction is not sufficient.
 
         Args:
-            measure: "overturning" or "tilt".
+            measure: "overturning", "tilt" or "rate".
             least: smallest reduction.
             low: smallest lower end of its interval. The reduction must also be significant.
         """
@@ -430,6 +444,7 @@ class PairedRuns(Printed):
             "undecided": self.undecided,
             "benefit": self.benefit,
             "overturning_reduction": self.overturning_reduction,
+            "annual_rates": self.annual_rates,
             "changes": self.changes,
             "overturned_only_with": with_only,
             "overturned_only_without": without_only,

@@ -112,7 +112,7 @@ def _check_by_models(
         # kept for the validation.
         sentences += [words.group(part) for part, _ in zip(runs.parts, problem.groups, strict=False)]
         sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
-        sentences += [f"{text}." for text in summary.yearly(problem, runs)]
+        sentences += [f"{text}." for text in problem.yearly(runs.annual_rates)]
     verdict = answer.verdict_lines(validation.status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
     return [*table, *before, "", *after], validation.status.is_sound

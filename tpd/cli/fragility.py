@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.annual_rates import HOW_TO, AnnualRates, annual_rates
+from tpd.answers.annual_rates import annual_rates
 from tpd.answers.fragility import Fragility, fragility
 from tpd.answers.motion_history import sliding
 from tpd.answers.run_table import CASE_KEYS
@@ -24,6 +24,7 @@ from tpd.records.read import in_words
 from tpd.report.blocks import wrapped
 from tpd.report.files import FRAGILITY, add_section
 from tpd.report.json import json_of
+from tpd.scene.hazard import HOW_TO
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
@@ -36,6 +37,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The header compares the strongest motion with the acceleration that lifts the block.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
     if (hazard := job.hazard) is not None:
+        # A hazard over another intensity must not be noticed only after all runs.
         hazard.factor(measure_of(job.intensity, scene.block, scene.gravity, options.period))
     scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
     strongest = max(float(m.pga) for m in scaled)
@@ -69,9 +71,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     return SOUND
 
 
-def _tables(
-    job: Job, pendulum: Pendulum | None, curves: Fragility, rates: AnnualRates | None
-) -> Iterator[tuple[str, str]]:
+def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility, rates: Any) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files of numbers."""
     yield "fragility.csv", files.as_table(curves.columns())
     # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.

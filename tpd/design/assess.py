@@ -142,7 +142,7 @@ class Assessment(Printed):
         starts = self.runs.starts if len(self.runs.starts) > 1 else {}
         for kind, rows in starts.items():
             lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
-        lines += [f"{text}." for text in problem.yearly(self.runs)]
+        lines += [f"{text}." for text in problem.yearly(problem.annual_rates([self.runs]))]
         lines.append(sliding(problem.scene, problem.stated_motions))
         # If the base slides, the runs do not describe the block.
         return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import root_scalar
 
-from tpd.answers.annual_rates import HOW_TO, AnnualRates, rates_of_outcomes
+from tpd.answers.annual_rates import AnnualRates, rates_of_outcomes
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, follow_runs, forcing_of
@@ -37,6 +37,7 @@ from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, sp
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, HalfWidth, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
+from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, STANDARD_GRAVITY, Block, Scene
@@ -318,12 +319,7 @@ class GroundMotionProblem(Problem):
         return {f"{x:g} ({measure})": level == x for x in scales}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
-        """Return the annual rates of overturning in the counted runs; None without a hazard.
-
-        Args:
-            cases: validation runs without the pendulum and, if there is one, with it.
-            counted: whether each run counts; None for all.
-        """
+        """See `Problem.annual_rates`."""
         if (hazard := self.conditions.hazard) is None:
             return None
         measure = measure_of(self.conditions.intensity, self.scene.block, self.scene.gravity, None)
@@ -334,11 +330,10 @@ class GroundMotionProblem(Problem):
         outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
         return rates_of_outcomes(hazard, stripes, outcomes, self.earthquakes[::n][motions], self.seed)
 
-    def yearly(self, *cases: Runs, counted: np.ndarray | None = None) -> tuple[str, ...]:
+    def yearly(self, rates: AnnualRates | None) -> tuple[str, ...]:
         """See `Problem.yearly`."""
-        rates = self.annual_rates(cases, counted)
-        # A rate needs a curve, and one level determines none.
-        return rates.sentences if rates is not None else (HOW_TO,) if self.levels else ()
+        # One level determines no curve, so that a hazard would not help.
+        return super().yearly(rates) or (HOW_TO,) * (len(self._scales) > 1)
 
     @property
     def earthquakes(self) -> np.ndarray:  # type: ignore[override]
@@ -394,6 +389,7 @@ class GroundMotionProblem(Problem):
             cluster=self.earthquakes,
             counted=is_validation[group] if is_validation.any() else None,
             worse=self.requirements.worse,
+            annual=lambda runs: self.annual_rates((runs.without_pendulum, runs.with_pendulum), runs.counted),
         )
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:

@@ -7,7 +7,7 @@ on the kind of excitation. Search, refinement, validation and report are written
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -131,6 +131,15 @@ class Problem(ABC):
     share of them has an interval."""
     begin_of_runs: ClassVar[str]
     """Words for the beginning of the validation runs without a pendulum."""
+
+    def __post_init__(self) -> None:
+        is_rate, n = self.requirements.reduce == "rate", len(self.levels)
+        # Two levels determine a curve only by chance, and its uncertainty is not that of the earthquakes.
+        if is_rate and (n < 3 or self.conditions.hazard is None):
+            have = f"{n or 'no'} levels and {'a' if self.conditions.hazard else 'no'} hazard"
+            raise ValueError(
+                f"`reduce` can be rate only with a hazard and 3 levels or more, but there are {have}"
+            )
 
     @classmethod
     def checked(cls, scene: Scene, **inputs: Any) -> dict[str, Any]:
@@ -409,15 +418,19 @@ class Problem(ABC):
             progress: function of (stage, runs done, total).
         """
 
-    def yearly(self, *cases: Runs, counted: np.ndarray | None = None) -> tuple[str, ...]:
-        """Return sentences, without full stops, on how often a year the block overturns under ground motions
-        of several levels.
+    def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> Any:
+        """Return the `AnnualRates` of overturning in validation runs; None without a hazard.
 
         Args:
-            cases: validation runs without the pendulum and, if there is one, with it.
+            cases: runs without the pendulum and, if there is one, with it.
             counted: whether each run counts; None for all.
         """
-        return ()
+        return None
+
+    def yearly(self, rates: Any) -> tuple[str, ...]:
+        """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
+        a hazard under ground motions of several levels, else empty. Sentences have no full stop."""
+        return () if rates is None else rates.sentences
 
     def with_block(self, block: Block) -> Problem:
         """Return the problem of another block under the same excitation in SI units."""

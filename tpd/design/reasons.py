@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tpd.core.formatting import compared, number, percent
-from tpd.limits import LABELS
+from tpd.limits import LABELS, MEASURED
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 
 
@@ -84,6 +84,13 @@ CERTAIN = 0.5
 
 _FAR = 2.0
 """Ratio of the runs beyond a limit to the allowed ones from which an excess is a danger."""
+
+
+_UNKNOWN = {
+    "overturning": " (no run overturns without the pendulum)",
+    "rate": " (the runs with or without the pendulum determine no curve, which other levels may do)",
+}
+"""Why the change of a measure is unknown."""
 
 
 class ReasonKind(enum.Enum):
@@ -187,11 +194,10 @@ class Reason:
         limit = 1.0 if self.kind is ReasonKind.breaks_limit else self.reference
         value, reference = compared(self.value, limit, digits, form)
         low, certain = compared(self.low, CERTAIN * self.reference, 1, percent)
-        overturning = self.measure == "overturning"
-        of = "share of runs that overturn" if overturning else "mean tilt"
+        of = MEASURED.get(self.measure, MEASURED["tilt"])
         falls = f"{of} {'increases' if value.startswith('-') else 'falls'} by {value.lstrip('-')}"
         if math.isnan(self.value):
-            why = " (no run overturns without the pendulum)" if overturning else ""
+            why = _UNKNOWN.get(self.measure, "")
             falls = f"change of the {of} is unknown{why}"
         elif math.isfinite(self.low):
             falls += f" (95 % interval from {low})"

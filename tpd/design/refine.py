@@ -160,7 +160,7 @@ class Refinement:
         overturns = runs.share_overturned.value >= OVERTURNS
         reduce = self.problem.requirements.reduce or ("overturning" if overturns else "tilt")
         # The search reduces what the verdict compares.
-        self._tilt = _TILT if reduce == "overturning" else 1.0
+        self._tilt = 1.0 if reduce == "tilt" else _TILT
 
     def at(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
         """Return designs (m, 3) in the coordinates of the trends, (m, d)."""

@@ -86,7 +86,9 @@ def over_runs(design: Design) -> list[Block]:
         "of ν."
     )
     table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
-    return [table, Text(runs.overturning_in_words), *_by_part(runs)]
+    # The summary has the rates, and this section also what they depend on.
+    yearly = [Text(f"{text}.") for text in design.problem.yearly(runs.annual_rates)]
+    return [table, Text(runs.overturning_in_words), *yearly, *_by_part(runs)]
 
 
 def _quantiles(runs: Runs, angle: str) -> str:

@@ -98,8 +98,9 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.runs is not None:
         starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
         yield "starts", f"{starts}; {design.problem.duration_in_words}"
-        # What an owner decides by comes before the parts.
-        yield from (("rate", text) for text in yearly(design.problem, design.runs))
+        # What an owner decides by comes before the parts, and what it depends on comes late.
+        if yearly := design.problem.yearly(design.runs.annual_rates):
+            yield "rate", ". ".join(yearly[:2])
     if details.wider_bases:
         yield "wider base", wider_bases(details)
     if details.rule is not None:
@@ -115,6 +116,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if design.runs is not None:
+        yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates)[2:])
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.startswith(SLIDES):
@@ -172,11 +174,6 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         pendulum, without = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
         count, share = pendulum.tilt.size, f"{pendulum.share_overturned} overturn with the pendulum"
         yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
-
-
-def yearly(problem: Problem, runs: PairedRuns) -> tuple[str, ...]:
-    """Return sentences on how often a year the block overturns in the counted runs, see `Problem.yearly`."""
-    return problem.yearly(runs.without_pendulum, runs.with_pendulum, counted=runs.counted)
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:

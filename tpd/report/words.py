@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core.formatting import compared, ends, number, percent, unanswered, with_and_without
-from tpd.limits import LIMIT_KINDS, Clearance, Limit, limit_of
+from tpd.limits import LIMIT_KINDS, MEASURED, Clearance, Limit, limit_of
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
@@ -223,9 +223,9 @@ def overturned(runs: PairedRuns) -> str:
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
-    """Return a clause with the reduction of one measure, "overturning" or "tilt", and its interval."""
+    """Return a clause with the reduction of one measure of `tpd.limits.MEASURED`, and its interval."""
     size, significant = runs.reduction(measure)
-    name = "share of runs that overturn" if measure == "overturning" else "mean tilt"
+    name = MEASURED[measure]
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
     is_less, by, around = size.fall_in_words()

@@ -10,6 +10,8 @@ import numpy as np
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 
+HOW_TO = "State `levels` and `rates` in [hazard] to learn once in how many years the block overturns"
+"""Sentence for results without a hazard, without its full stop."""
 _STEP = 1e-6
 """Dispersion of a curve that is almost a step."""
 
@@ -63,6 +65,7 @@ class Hazard:
         if self.period is not None:
             checks.positive("period", self.period, 1e-3, 1e3, " s")
         levels = checks.positive("levels", checks.increasing("levels", self.levels), every=True)
+        # A rate of zero at the last level would have no logarithm, and a constant rate no intensity.
         of = f"{len(levels)} rates per year, one for each level"
         rates = checks.positive("rates", checks.array("rates", self.rates, levels.shape, of), every=True)
         if not np.all(np.diff(rates) < 0.0):
@@ -93,7 +96,7 @@ class Hazard:
         """
         if other.quantity != self.measure.quantity:
             two = f"{self.measure.quantity} in {self.measure.unit} and {other.quantity}"
-            raise ValueError(f"hazard and ground motions must have the same intensity, but they have {two}")
+            raise ValueError(f"hazard and ground motions must have the same `intensity`, but they have {two}")
         return other.si / self.measure.si
 
     def exceeding(self, levels: Any) -> Any:
