@@ -64,6 +64,7 @@ def test_a_pendulum_is_followed_under_the_sets_that_the_design_did_not_use(groun
     )
     expected = alone.is_overturned[:, 0].T
     for found in (pulse, other):
+        assert [x.name for x in found.overturned] == ["1.5", "2", "3", "4"]
         assert [(x.with_pendulum, x.without_pendulum) for x in found.overturned] == [
             tuple(map(float, x)) for x in expected
         ]

@@ -78,10 +78,11 @@ def test_wider_bases_have_the_pendulum_in_the_first_row():
 
 
 def test_other_sets_of_records_have_a_table_each():
-    overturned = tuple(Change("overturned", 0.1 * i, 0.2 * i, -0.3, 0.1) for i in range(4))
+    levels = "1.5", "2", "3", "4"
+    overturned = tuple(Change(at, 0.1 * i, 0.2 * i, -0.3, 0.1) for i, at in enumerate(levels))
     other = Transfer("near-field-pulse", overturned, 28, 11, 6)
     (table,) = sections.transferred(Details(transfer=(other,)))
-    assert list(rows(table)) == ["1.5", "2", "3", "4"]
+    assert tuple(rows(table)) == levels
     assert rows(table)["3"] == ("20 %", "40 %", "-20 points (-30 to +10)")
     assert "28 records of 11 earthquakes, 6 of which the design used" in table.caption
     (text,) = sections.transferred(Details(transfer="The records are not installed."))

@@ -30,7 +30,8 @@ class Transfer(NamedTuple):
     name: str
     """Name of the set, out of `tpd.records.sets.SETS`."""
     overturned: tuple[Change, ...]
-    """Shares that overturn at each of `LEVELS`, with the interval of their difference over earthquakes."""
+    """Shares that overturn at each of `LEVELS`, which is the name, with the interval of their difference over
+    earthquakes."""
     motions: int
     """Number of records."""
     earthquakes: int
@@ -71,7 +72,8 @@ def transfer_of(
         # The levels of a record are neighbours.
         level, quakes = (x.ravel() for x in np.meshgrid(LEVELS, earthquakes_of(records)))
         pairs = PairedRuns(with_pendulum=one, without_pendulum=other, group=level, labels=(), cluster=quakes)
-        shares = tuple(replace(pairs, counted=level == x).change("overturned") for x in LEVELS)
+        at_level = (replace(pairs, counted=level == x).change("overturned") for x in LEVELS)
+        shares = tuple(x._replace(name=f"{at:g}") for at, x in zip(LEVELS, at_level, strict=True))
         # Other stations of an earthquake that the design used are not independent of it.
         events = {record.event for record in records}
         common = events.intersection(getattr(motion, "event", "") for motion in motions)

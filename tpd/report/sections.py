@@ -14,7 +14,6 @@ from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.sizes import MOTION_KINDS
-from tpd.design.transfer import LEVELS
 from tpd.limits import LABELS
 from tpd.records.read import same_earthquakes
 from tpd.report import words
@@ -163,11 +162,7 @@ def transferred(details: Details) -> list[Block]:
             f"Overturned under the set {of.name} of FEMA P695: {of.motions} records of {of.earthquakes} "
             f"earthquakes, {of.common} of which the design used at other stations. Stated block."
         )
-        shares = (
-            (percent(x.with_pendulum), percent(x.without_pendulum), words.difference(x, 0))
-            for x in of.overturned
-        )
-        rows = ((number(level), *share) for level, share in zip(LEVELS, shares, strict=True))
+        rows = [(x.name, *map(percent, x[1:3]), words.difference(x, 0)) for x in of.overturned]
         tables.append(Table(head, tuple(rows), caption))
     return tables
 
