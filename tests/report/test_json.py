@@ -9,9 +9,11 @@ import jsonschema
 import pytest
 
 from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic, json_text
+from tpd.answers.paired import Change
 from tpd.design.design import FrontPoint
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import VERSION
+from tpd.design.transfer import Transfer
 from tpd.report.summary import verdict
 
 SCHEMA = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
@@ -49,6 +51,15 @@ def test_designs_without_runs_and_with_a_front_are_described_as_well():
     )
     for content in (written(calm), written(harmonic(), dataclasses.replace(details(), front=points))):
         VALIDATOR.validate(content)
+
+
+def test_shares_under_other_records_are_described_or_a_sentence():
+    overturned = tuple(Change(at, 0.1, 0.2, -0.3, 0.1) for at in ("1.5", "2", "3", "4"))
+    other = Transfer("near-field-pulse", overturned, 28, 11, 6)
+    for transfer in ((other,), "The records are not installed."):
+        content = written(harmonic(), dataclasses.replace(details(), transfer=transfer))
+        VALIDATOR.validate(content)
+    assert content["transfer"] == "The records are not installed."
 
 
 def test_other_content_is_refused():
