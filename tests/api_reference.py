@@ -20,10 +20,34 @@ HEAD = """\
 
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
 Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
-`Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers may be
-those of Python, NumPy or JAX, or arrays of one element.
+`Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers can be
+Python, NumPy or JAX numbers, or arrays of one element.
+
+**The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
+[`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
+[`tpd.check`](#check), [`tpd.plot`](#plot), [`tpd.write_report`](#write_report) and
+[`tpd.steady_state`](#steady_state).
 
 """
+INTERNAL = {
+    "AbstractChoice": "steady",
+    "AbstractFlow": "cycle resolution settle settle_exactly solve_steady widths",
+    "AbstractModel": "check settle solve_steady steady trajectory",
+    "Bob": "inertia_share reach rod_share",
+    "Conditions": "column factor_rows",
+    "Design": "again",
+    "DesignSpace": "beyond bounds_at logarithms sample scaled slopes unscaled",
+    "Ensemble": "dealt draws starts widths",
+    "Job": "check_motion settled_scene under",
+    "PairedRuns": "half margin reduction",
+    "GroundMotion": "pieces",
+    "Record": "pieces",
+    "Risk": "cap",
+    "Runs": "ended of reshape rows",
+    "Smoothed": "cycle resolution settle_exactly widths",
+    "Trials": "best_without",
+}
+"""Methods by their class that are public between modules of the package, but that users do not call."""
 GROUPS = {
     "Describe the block and its excitation": (
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
@@ -58,9 +82,9 @@ BESIDE = {
 """Classes that are not at the top, by the name that they stand below."""
 NOTES = {
     "Describe the block and its excitation": (
-        "`Block`, `Pendulum`, `Harmonic`, `Scene`, `Pulse` and `Record` are pytrees of floats, so that a "
-        "gradient with respect to a pendulum is a pendulum of slopes: `.mass` in rad/kg, `.length` in "
-        "rad/m."
+        "`Block`, `Pendulum`, `Harmonic`, `Scene`, `Pulse` and `Record` are pytrees of floats. `jax.grad` "
+        "with respect to a `Pendulum` returns a `Pendulum` whose fields hold the derivatives: `.mass` in "
+        "rad/kg, `.length` in rad/m."
     ),
     "Pulses and earthquakes": (
         "`jit`, `vmap` and `grad` take `transient` and `critical_scale`; the others run many motions "
@@ -172,7 +196,9 @@ class Reference:
         found: dict[str, Item] = {}
         for owner in (*reversed(item.mro()), item):
             if id(owner) not in said:
-                found |= {name: m for name, m in owner.members.items() if not name.startswith("_")}
+                public = {name: m for name, m in owner.members.items() if not name.startswith("_")}
+                internal = INTERNAL.get(owner.name, "").split()
+                found |= {name: m for name, m in public.items() if name not in internal}
         shown = [m for name, m in found.items() if not any(name in base.all_members for base in above)]
         if above:
             self.lines += [f"A kind of {' and of '.join(f'`{base.name}`' for base in above)}.", ""]
