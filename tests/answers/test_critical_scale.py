@@ -1,4 +1,4 @@
-"""Where a scan of factors begins and ends, and what it says of runs without an answer."""
+"""Where a scan of factors begins and ends, and what it says of runs without a result."""
 
 from dataclasses import replace
 
@@ -113,7 +113,7 @@ def test_a_run_without_an_answer_below_the_crossing_refuses_the_scale(monkeypatc
     found = tpd.critical_scale(SINE, scan=0.02)
     assert np.isnan(float(found.scale))
     assert "critical scale unknown" in str(found)
-    assert "no answer at" in str(found)
+    assert "no result at" in str(found)
     (low, high), *others = np.asarray(found.undecided)
     # The next factors of the scan that have an answer.
     assert 1.3 / 1.02 <= low <= 1.3
@@ -127,7 +127,7 @@ def test_a_run_without_an_answer_is_no_safe_block(monkeypatch):
     unanswered(monkeypatch, between(1.3, 1.32))
     found = tpd.critical_scale(SINE, scan=0.01, highest=2.0)
     assert np.isnan(float(found.scale))
-    assert "no factor with an answer overturns the block; no answer at" in str(found)
+    assert "no factor with a result overturns the block; no result at" in str(found)
 
 
 def test_a_run_without_an_answer_above_the_crossing_is_named(monkeypatch):
@@ -136,7 +136,7 @@ def test_a_run_without_an_answer_above_the_crossing_is_named(monkeypatch):
     unanswered(monkeypatch, between(0.98 * inside, 1.02 * inside))
     found = tpd.critical_scale(SINE, scan=0.02)
     assert float(found.scale) == float(known.scale)
-    assert "; no answer at" in str(found)
+    assert "; no result at" in str(found)
     low, high = (float(x) for x in found.undecided[0])
     assert low <= 0.98 * inside
     assert high >= 1.02 * inside

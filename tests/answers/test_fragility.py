@@ -1,4 +1,4 @@
-"""Fragility: counts of single motions, and what is said of motions without an answer."""
+"""Fragility: counts of single motions, and what is said of motions without a result."""
 
 import math
 from dataclasses import replace
@@ -117,7 +117,7 @@ def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM)
     assert "and not counted: 0 of 60 runs without pendulum, 12 of 60 runs with pendulum" in str(lost)
-    assert "depending on the motions without an answer" in str(lost)
+    assert "depending on the motions without a result" in str(lost)
     curve, before = lost.with_pendulum["overturned"], found.with_pendulum["overturned"]
     assert curve.undecided.tolist() == [0, 0, 0, 0, 12]
     assert curve.total.tolist() == [12, 12, 12, 12, 0]
@@ -170,7 +170,7 @@ def test_motions_without_an_answer_are_drawn(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM, nonlinear=False)
     drawn = {c.get_label(): c for c in tpd.plot(lost).collections}
-    (bar,) = drawn["with pendulum: 12 runs without an answer"].get_segments()
+    (bar,) = drawn["with pendulum: 12 runs without a result"].get_segments()
     assert bar.tolist() == [[12.0, 0.0], [12.0, 1.0]]
     assert not any(label.startswith("without pendulum: ") for label in drawn)
 

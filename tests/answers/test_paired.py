@@ -1,4 +1,4 @@
-"""Paired runs: the benefit of known outcomes, its interval, harm, and runs without an answer."""
+"""Paired runs: the benefit of known outcomes, its interval, harm, and runs without a result."""
 
 import dataclasses
 import math
@@ -163,7 +163,7 @@ def test_runs_without_an_answer_are_left_out_counted_and_named():
     assert (found.pairs, found.undecided, found.only) == (2, 3, (0, 1))
     np.testing.assert_allclose(means(found), [[0.1, 0.2], [0.4, 1.0]])
     assert found.with_pendulum.share_overturned.value == 0.0
-    (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
+    (row,) = (line for line in found.table().splitlines() if "without a result" in line)
     assert row.split()[-2:] == ["2", "2"]
     assert found.summary()["undecided"] == 3
     # Each of them overturned with the pendulum and rested without it, and the other way about.
@@ -172,7 +172,7 @@ def test_runs_without_an_answer_are_left_out_counted_and_named():
     assert favour == pytest.approx(1.0 - (0.1 + 0.0 + 0.1 + 0.0 + 0.2) / (0.4 + 0.4 + 1.0 + 1.0 + 1.0))
     whole = paired([0.1], [0.2])
     assert whole.ends == ()
-    assert "without an answer" not in str(whole)
+    assert "without a result" not in str(whole)
 
 
 def test_no_pair_and_one_pair_have_a_benefit_of_their_own():

@@ -1,4 +1,4 @@
-"""Spectra: against critical scales and single blocks, and cells without an answer."""
+"""Spectra: against critical scales and single blocks, and cells without a result."""
 
 import math
 
@@ -88,7 +88,7 @@ def test_cells_without_an_answer_are_drawn(monkeypatch):
     without, with_it = tpd.plot(spectrum(PENDULUM))
     assert not without.lines
     (crosses,) = with_it.lines
-    assert (crosses.get_label(), crosses.get_marker()) == ("no answer: 2 of 8", "x")
+    assert (crosses.get_label(), crosses.get_marker()) == ("no result: 2 of 8", "x")
     assert crosses.get_xydata().tolist() == [[3.0, 12.0], [5.0, 12.0]]
     assert with_it.get_legend() is not None
 
@@ -107,11 +107,11 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
 
 
 def test_blocks_without_an_answer_are_drawn(monkeypatch):
-    assert not any("no answer" in line.get_label() for line in tpd.plot(rocking()).lines)
+    assert not any("no result" in line.get_label() for line in tpd.plot(rocking()).lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, MU] > 0.0))
     drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
-    assert drawn["with pendulum: no answer"].get_xdata().tolist() == [4.0]
-    assert "without pendulum: no answer" not in drawn
+    assert drawn["with pendulum: no result"].get_xdata().tolist() == [4.0]
+    assert "without pendulum: no result" not in drawn
 
 
 def test_a_spectrum_without_free_motion_has_the_tilts_of_the_excitation_alone():

@@ -20,7 +20,7 @@ def test_the_block_alone_comes_first(motion, first, tmp_path):
     header, answer = done.out.split("\n\n")
     assert done.status == 0
     names = [line.split()[0] for line in header.splitlines() if not line.startswith(" " * 10)]
-    assert names == ["block", "motion", "losses", "lifts", "slides"]
+    assert names == ["block", "excitation", "losses", "uplift", "sliding"]
     assert answer.startswith(first)
     measures = "Each of these measures prevents uplift without a pendulum: a tie"
     assert (measures in answer) is first.startswith("Stated")

@@ -54,9 +54,11 @@ def test_overturning_in_the_table_of_models_is_linked_with_the_verdict(tmp_path,
 def test_a_pendulum_that_helps_and_fits_is_confirmed(suitable):
     status, lines = suitable
     assert status == 0
-    assert lines[0].startswith("  block   1.3 m wide, 10 m high")
+    assert lines[0].startswith("  block       1.3 m wide, 10 m high")
     first = next(i for i, line in enumerate(lines) if line.startswith("  point "))
-    assert lines[first].startswith("  point   540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
+    assert lines[first].startswith(
+        "  point       540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981"
+    )
     assert [line.split()[0] for line in lines[first + 2 : first + 7]] == [
         "model",
         "uplift",

@@ -104,8 +104,8 @@ optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finit
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
 optimise --scatter colour=0.1 | there is no key `colour` in [scatter]; allowed are amplitude, frequency
-optimise --width 0.2 | a block of your own must be complete and have an excitation. The job has `width`,
-optimise SIZE --amplitude 0.02 | but `frequency` in [excitation] is missing; without any of these keys t
+optimise --width 0.2 | amplitude` and `frequency` in [excitation] are missing. A block with `width` needs
+optimise SIZE --amplitude 0.02 | `frequency` in [excitation] is missing. A block with `width`, `height` an
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
 optimise --scene /dev/null | /dev/null is empty: create a job file with `tpd new`

@@ -164,9 +164,9 @@ def test_a_pendulum_is_checked_with_the_records_of_a_job(on_records):
     done = call("check --scene", str(on_records[0] / "job.toml"), words)
     assert done.status == 3
     text = " ".join(done.out.split())
-    assert "tuned to (2 runs): mean tilt" in text
+    assert "search records (2 runs): mean tilt" in text
     assert re.search("\n(NOT RECOMMENDED: |TOO FEW EARTHQUAKES)", done.out)
-    assert "  motion  2 records, each at 2, 3 (PGA over g tan(alpha); at 1 " in done.out
+    assert "  excitation  2 records, each at 2, 3 (PGA over g tan(alpha); at 1 " in done.out
 
 
 def test_a_design_is_simulated_under_another_record(on_records, tmp_path):
@@ -186,7 +186,7 @@ def test_the_report_describes_every_record(on_records):
     content = first.json("design.json")["reading"]
     assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
-    assert {r.pop("group") for r in content["records"]} == {"tuned to", "validation"}
+    assert {r.pop("group") for r in content["records"]} == {"search records", "validation records"}
     assert {r["source"]: r for r in content["records"]} == expected
     assert any("records state no orientation" in note for note in content["notes"])
     text, page = (first.files[f"report.{kind}"].read_text(encoding="utf-8") for kind in ("txt", "html"))
@@ -252,7 +252,7 @@ def test_every_answer_begins_with_the_block_alone(kind, tmp_path):
     block, lifts, friction = FIRST_LINES[kind]
     header, answer = (" ".join(part.split()) for part in done.out.split("\n\n"))
     assert f"block {block}" in header
-    assert f"lifts {lifts}" in header
+    assert f"uplift {lifts}" in header
     assert f"the coefficient of friction of the base is at least {friction}" in header
     assert answer.startswith(("Stated block from rest: OVERTURNS in ", "Stated block from rest: ROCKS, AND"))
 
@@ -309,4 +309,4 @@ def test_a_fixed_rod_and_a_limit_on_the_mass_bind_the_answer(tmp_path):
 def test_the_statue_in_the_earthquakes_of_fema_p695(tmp_path):
     done = call("optimise", STATUE, "--records fema-p695 --scales 1.5 2 3 4", out=tmp_path / "out")
     assert done.status in (0, 3)
-    assert "lifts   at 0.326 g; the strongest condition reaches 1.3 g" in done.out
+    assert "uplift      at 0.326 g; the strongest condition reaches 1.3 g" in done.out

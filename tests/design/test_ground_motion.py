@@ -98,7 +98,7 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
     )
     assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
-    assert again.inputs["validation_share"] == {"validation": held.motions}
+    assert again.inputs["validation_share"] == {"validation records": held.motions}
     assert problem(validation_share=0.0).inputs["validation_share"] == 0.0
     one, two = (problem(seed=seed).candidates(unreported)[0] for seed in (0, 1))
     assert one.shape == (32, 3)
@@ -142,7 +142,7 @@ def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
 def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
     made = problem(ensemble=tpd.Ensemble(restitution=0.02))
     found = made.paired_runs(DESIGN, 5)
-    assert found.labels == ("tuned to", "validation")
+    assert found.labels == ("search records", "validation records")
     assert found.group.tolist() == [0] * 30 + [1] * 30
     np.testing.assert_array_equal(found.counted, found.group == 1)
     assert len(np.unique(found.cluster)) == 10

@@ -200,7 +200,7 @@ def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_sa
     assert runs is best.quoted
     assert runs.passed.measure == "tilt"
     assert ground.benefit.low < runs.unconditional.benefit.low
-    assert runs.labels == ("tuned to", "validation")
+    assert runs.labels == ("search records", "validation records")
     assert not set(runs.cluster[runs.group == 0]) & set(runs.cluster[runs.group == 1])
     np.testing.assert_array_equal(runs.counted, runs.group == 1)
     assert runs.description.endswith(", 15 earthquakes")

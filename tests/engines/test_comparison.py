@@ -71,7 +71,7 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
     helps, harms = ([0.02, 0.02], [0.1, np.inf]), ([0.1, np.inf], [0.02, 0.02])
     wrong = verdict_of(harms, harms, helps)
     assert wrong.disagrees
-    assert str(wrong).startswith("DANGER: in MuJoCo 0 the pendulum harms")
+    assert str(wrong).startswith("DANGER: the models disagree. The pendulum changes the mean tilt by +")
     assert "the losses differ" in wrong.losses
     unsure = verdict_of(helps, harms, helps)
     assert unsure.step_matters

@@ -49,7 +49,7 @@ def changed(design, tilt, size, count=60):
 def test_edges_are_those_of_the_limits(single):
     ax = tpd.plot(changed(single, lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8)))
     assert "stroke" in words(ax.texts)
-    assert len(lines(ax)["runs without an answer"].get_xdata()) == 30
+    assert len(lines(ax)["runs without a result"].get_xdata()) == 30
 
 
 def test_the_field_is_grey_where_the_trials_do_not_determine_the_trend(single):

@@ -75,7 +75,7 @@ def test_spectra_draw_themselves_and_are_tables():
     assert OVERTURNING.to_dataframe().iloc[2].tolist() == [1.0, 4.0, 2, -1]
     drawn = {line.get_label(): line.get_xdata().tolist() for line in tpd.plot(ROCKING).lines}
     assert drawn["without pendulum: overturns"] == [2.0]
-    assert drawn["without pendulum: no answer"] == [3.0]
+    assert drawn["without pendulum: no result"] == [3.0]
     assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]
     sizes = dict.fromkeys(
         ("mass", "length", "damping_ratio", "value", "value_without"), np.array([1.0, np.nan])

@@ -44,7 +44,7 @@ def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart(
 
 
 def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
-    # A run that has no answer does not count.
+    # A run that has no result does not count.
     runs = np.array([[1.0, 1.01, 2.0, 2.05, 2.11, 4.0], [1.0, 0.0, 1.0, 1.0, 0.0, np.nan]])
     shown = examples.response(0.1, 0.2, 0.3, frequency=(1.0, 2.0, 4.0))
     response = dataclasses.replace(shown, runs=runs)
@@ -83,7 +83,7 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
     assert legend(tilt) == {"without pendulum"}
     assert len(plot_motions((without_it, dataclasses.replace(without_it, swing=0.1 * one)), 0.25)) == 4
-    # The outcome makes the mark: neither a row without an answer nor a large tilt that comes back.
+    # The outcome makes the mark: neither a row without a result nor a large tilt that comes back.
     for tilts, status, marked in (
         (np.where(time > 0.95, np.nan, 0.01), tpd.Status.rocked, False),
         (np.where(time > 0.95, np.nan, 0.01), tpd.Status.event_bound, False),

@@ -22,7 +22,7 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
     assert [r[0] for r in report.summary.rows[:7]] == [
-        *("project", "block", "motion", "lifts", "slides", "conditions", "starts")
+        *("project", "block", "excitation", "uplift", "sliding", "conditions", "starts")
     ]
     assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
     assert report.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"
@@ -100,7 +100,7 @@ def test_records_are_listed_with_the_notes_on_their_files():
         content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Records"
     )
     assert [row[:3] for row in table.rows] == [
-        ("tuned to", "loma-prieta", "Loma Prieta 1989"),
-        ("validation", "el-centro", "Imperial Valley 1940"),
+        ("search records", "loma-prieta", "Loma Prieta 1989"),
+        ("validation records", "el-centro", "Imperial Valley 1940"),
     ]
     assert notes.items == ("a.AT2: offset removed",)

@@ -84,8 +84,11 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     status = np.where(np.arange(n) == stood[0], "overturned", "rocking").astype(object).astype(str)
     note = only(changed(exact={"status": status}), "OVERTURNS")
     assert f"OVERTURNS with the pendulum under 1 of {n} conditions, " in note.text
-    assert f"only with the pendulum under 1, and only without it under {np.sum(without)}." in note.text
-    assert f"The first of the former: {harmonic().conditions.label(int(stood[0]))}." in note.text
+    assert "The pendulum causes overturning under 1 (first: " in note.text
+    assert (
+        f"(first: {harmonic().conditions.label(int(stood[0]))}), and prevents it under {np.sum(without)}."
+        in note.text
+    )
     assert note.severity is Severity.note
     worst = np.full(n, "overturned")
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
@@ -103,7 +106,7 @@ def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_o
     both = dataclasses.replace(design, problem=problem, validated=(*design.validated[:-1], best))
     note = only(both, "OVERTURNS")
     assert f"under 1 of {n} conditions, among them the stated one, and without it under 1." in note.text
-    assert "only with the pendulum under 0" in note.text
+    assert "causes overturning under 0, and" in note.text
     assert note.severity is Severity.note
 
 
@@ -117,8 +120,8 @@ def test_runs_without_an_answer_are_counted():
     runs = harmonic().runs
     outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)
     lost = dataclasses.replace(runs.with_pendulum, outcome=outcome)
-    note = only(changed(quoted=dataclasses.replace(runs, with_pendulum=lost)), "have no answer")
-    assert note.text.startswith(f"3 of {len(runs.group)} runs have no answer")
+    note = only(changed(quoted=dataclasses.replace(runs, with_pendulum=lost)), "have no result")
+    assert note.text.startswith(f"3 of {len(runs.group)} runs have no result")
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
@@ -133,10 +136,7 @@ def test_wall_contact_is_a_danger_whatever_a_job_allows():
     for share, count in ((0.62, 1), (0.005, 0)):
         found = notes(changed(tuned(), over_limit=share), Details())
         dangers = [n for n in found if n.severity is Severity.danger]
-        assert (
-            sum("62.0 % of the runs in which the block stands exceed a limit" in n.text for n in dangers)
-            == count
-        )
+        assert sum("62.0 % of the surviving runs exceed a limit" in n.text for n in dangers) == count
     assert not said(ground(), "exceed a limit")
 
 
@@ -172,7 +172,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
             {"multiplier": np.full(10, 0.97), "status": np.full(10, "rocking")},
         ),
         (
-            "The block could rest with this pendulum under 10 of 10 conditions",
+            "Rest is a stable state with this pendulum under 10 of 10 conditions",
             {"margin": np.full(10, 0.1), "status": np.full(10, "rocking")},
         ),
         (

@@ -39,8 +39,8 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
     assert "topples at 0.1651 rad (9.46°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
-    assert motion == "  motion  0.05 m at 0.5 Hz, 0.05032 g"
-    assert losses == "  losses  impacts e = 0.9"
+    assert motion == "  excitation  0.05 m at 0.5 Hz, 0.05032 g"
+    assert losses == "  losses      impacts e = 0.9"
 
 
 def test_the_cavity_is_described():
@@ -61,7 +61,7 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
         said, _ = str(AtRest.under(scene)).splitlines()
         reaches = "0.3003 g, 1.001" if lifts else "0.2997 g, 0.999"
-        assert said.startswith(f"  lifts   at 0.3 g; the excitation reaches {reaches} times as much")
+        assert said.startswith(f"  uplift      at 0.3 g; the excitation reaches {reaches} times as much")
         assert said.endswith(": the block lifts" if lifts else ": the block does not lift")
 
 
@@ -70,11 +70,11 @@ def test_sliding_before_uplift_is_named():
         (
             None,
             0.2,
-            "the coefficient of friction of the base is at least 0.2; while it rocks it may need more",
+            "the coefficient of friction of the base is at least 0.2 (more may be needed during rocking)",
         ),
-        (None, 0.4, "it may need more. A dry base may have only 0.3: state `base_friction`"),
-        (0.5, 0.4, "0.35 is needed, the base has 0.5; while it rocks it may need more"),
-        (0.1, 0.4, "at 0.1 g, BEFORE IT LIFTS: a coefficient of friction of 0.35 is needed"),
+        (None, 0.4, "during rocking). A dry base may have only 0.3: state `base_friction`"),
+        (0.5, 0.4, "0.35 is needed, the base has 0.5 (more may be needed during rocking)"),
+        (0.1, 0.4, "at 0.1 g, BEFORE UPLIFT: a coefficient of friction of 0.35 is needed"),
     ):
         assert AtRest.of(0.3, 0.05, reach, own).sliding_in_words.endswith(said)
 

@@ -161,7 +161,7 @@ def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
     for peak, has_hint in ((0.2, False), (0.4, True)):
         words = AtRest.of(0.5, 0.0, peak).sliding_in_words
         assert words.startswith(
-            f"not before it lifts, if the coefficient of friction of the base is at least {peak}"
+            f"none before uplift if the coefficient of friction of the base is at least {peak}"
         )
         assert words.endswith("A dry base may have only 0.3: state `base_friction`") is has_hint
 
@@ -169,8 +169,7 @@ def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
 def test_compared_numbers_have_the_digits_that_distinguish_them():
     found = AtRest.of(0.3056, 0.0, 0.3055, base_friction=0.3054)
     assert (
-        found.sliding_in_words
-        == "at 0.3054 g, BEFORE IT LIFTS: a coefficient of friction of 0.3055 is needed"
+        found.sliding_in_words == "at 0.3054 g, BEFORE UPLIFT: a coefficient of friction of 0.3055 is needed"
     )
     assert found.lifting_in_words == (
         "at 0.306 g; the excitation reaches 0.305 g, 0.9997 times as much: the block does not lift"

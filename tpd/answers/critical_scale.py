@@ -83,9 +83,9 @@ class CriticalScale(eqx.Module):
             return repr(self)
         scale, scan = float(self.scale), f"(scan of {self.scan:.2%})"
         unknown, tongues = _listed(self.undecided), _listed(self.tongues)
-        without = f"; no answer at {unknown}" if unknown else ""
+        without = f"; no result at {unknown}" if unknown else ""
         if np.isnan(scale):
-            factors = f"overturns at {tongues}" if tongues else "no factor with an answer overturns the block"
+            factors = f"overturns at {tongues}" if tongues else "no factor with a result overturns the block"
             return f"critical scale unknown {scan}: {factors}{without}"
         if np.isinf(scale):
             return f"does not overturn up to {self.highest:.4g} times the motion {scan}"

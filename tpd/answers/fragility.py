@@ -73,7 +73,7 @@ class Curve:
             return median, dispersion
         # The median is lower if all motions without an answer reach the state.
         low, high = (median_words(x) for x in self.medians)
-        return f"{median}, {low} to {high} depending on the motions without an answer", dispersion
+        return f"{median}, {low} to {high} depending on the motions without a result", dispersion
 
     def __str__(self) -> str:
         return "median {}, dispersion {}".format(*self.words)
@@ -167,12 +167,12 @@ class Fragility(Printed, Cases):
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
-            lines.append(f"  without an answer, and not counted: {text}")
+            lines.append(f"  without a result, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
             shares = " and ".join(f"{100.0 * x:.1f} %" for x in self.changed)
             lines.append(f"  the nonlinear equations change the outcome of {shares} of the runs")
             if text := _listed(self.unanswered, runs):
-                lines.append(f"  without an answer with these equations, and not compared: {text}")
+                lines.append(f"  without a result with these equations, and not compared: {text}")
         return "\n".join([*lines, self.conclusion])
 
     @property

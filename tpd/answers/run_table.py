@@ -32,7 +32,7 @@ _QUANTILES = {
     "settled tilt, rad": "settled_tilt",
     "bob's angle, rad": "swing",
 }
-UNANSWERED_ROW = "runs without an answer"
+UNANSWERED_ROW = "runs without a result"
 """Label of the number of runs without an answer, in tables."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""

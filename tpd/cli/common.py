@@ -172,7 +172,7 @@ def print_header(
     rest = () if at_rest is None else str(at_rest).splitlines()
     point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
     rows = (*words.scene_lines(scene, motion), *rest, *point)
-    lines = (line for row in rows for line in wrapped(row, rest=" " * 10))
+    lines = (line for row in rows for line in wrapped(row, rest=" " * 14))
     progress.say("\n".join((*notes, *lines)), sys.stdout)
 
 

@@ -141,8 +141,8 @@ def counted(names: np.ndarray) -> str:
 
 
 def unanswered(count: int) -> str:
-    """Return the last sentence of a caption on runs without an answer; empty if there are none."""
-    return f" {count} runs without an answer are left out." if count else ""
+    """Return the last sentence of a caption on runs without a result; empty if there are none."""
+    return f" {count} runs without a result are left out." if count else ""
 
 
 def counted_periods(n: int) -> str:

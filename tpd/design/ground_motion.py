@@ -73,8 +73,8 @@ resonance."""
 class Role(enum.Enum):
     """Use of a group of motions: by the search, or by the validation."""
 
-    tuned = "tuned to"
-    validation = "validation"
+    tuned = "search records"
+    validation = "validation records"
 
 
 @dataclass(frozen=True)
@@ -97,13 +97,13 @@ class GroundMotionProblem(Problem):
     """Design problem under ground motions."""
 
     groups: tuple[Group, ...]  # type: ignore[misc]
-    """Motions that the design is tuned to, followed by the motions that are kept for the validation."""
+    """Motions that the search uses, followed by the motions that are kept for the validation."""
     # The same earthquakes validate both designs. The second one is validated only if the benefit of the first
     # is sufficient and limits are the only reason against it. Otherwise several designs could be validated
     # until the benefit of one of them is large by chance.
     attempts: ClassVar[int] = 2
     retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides})
-    # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
+    # The design reaches its limits under the motions of the search. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
     defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
@@ -488,7 +488,7 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
 def grouped(
     motions: Sequence[GroundMotion], validation_share: float | Mapping[str, Sequence[GroundMotion]], seed: int
 ) -> tuple[Group, ...]:
-    """Return the group that a design is tuned to, followed by the groups for the validation.
+    """Return the group that the search uses, followed by the groups for the validation.
 
     Args:
         motions: motions of the conditions.
@@ -519,8 +519,8 @@ def grouped(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
             "give more records, name their earthquakes, or give 0 to use all of them in the search"
         )
-    tuned = Group("tuned to", Role.tuned, inside, numbers[~is_outside])
-    validation = Group("validation", Role.validation, outside, numbers[is_outside])
+    tuned = Group(Role.tuned.value, Role.tuned, inside, numbers[~is_outside])
+    validation = Group(Role.validation.value, Role.validation, outside, numbers[is_outside])
     return (tuned, validation) if outside else (tuned,)
 
 
@@ -534,7 +534,7 @@ def _others(
     # must have the same number.
     numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
     used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
-    groups = [Group("tuned to", Role.tuned, tuple(motions), used)]
+    groups = [Group(Role.tuned.value, Role.tuned, tuple(motions), used)]
     for (name, listed), events in zip(validation_share.items(), parts, strict=True):
         # An earthquake that the search uses does not test the design, so its motions are left out of the
         # group. A motion without the name of its earthquake is never left out.

@@ -684,8 +684,8 @@ def _check_whole_block(tables: Mapping[str, Any], kind: str) -> None:
     lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)
     are = "is" if sum(map(len, missing.values())) == 1 else "are"
     raise ValueError(
-        f"a block of your own must be complete and have an excitation. The job has {_listed(own)}, but "
-        f"{lacking} {are} missing; without any of these keys the block is that of the paper"
+        f"{lacking} {are} missing. A block with {_listed(own)} needs all sizes and an excitation; without "
+        "any of these keys the block is that of the paper"
     )
 
 

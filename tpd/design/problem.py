@@ -85,7 +85,7 @@ class Problem(ABC):
     space: DesignSpace
     """Bounds in ratios, reduced to the limit on the mass of the bob if there is one."""
     conditions: Conditions
-    """Excitations of the search. Under ground motions: the group of motions that a design is tuned to."""
+    """Excitations of the search. Ground motions that only the validation uses are not among them."""
     risk: Risk
     """Risk measure over the conditions."""
     limits: tuple[Limit, ...]

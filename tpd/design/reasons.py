@@ -31,13 +31,13 @@ class DesignStatus(enum.Enum):
         "Check it with earthquakes and with a contact engine before it is built.",
     )
     tuned_only = (
-        "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so "
-        "nothing is claimed about the next earthquake.",
+        "TUNED TO THESE MOTIONS ONLY: all records were used for the search. The benefit in other "
+        "earthquakes is unknown.",
         "Give records of other earthquakes, or a share of the records for the validation.",
     )
     too_few = (
-        "TOO FEW EARTHQUAKES to validate a pendulum: the search and the validation need at least "
-        f"{LEAST_EARTHQUAKES} each.",
+        f"TOO FEW EARTHQUAKES to validate a pendulum: at least {LEAST_EARTHQUAKES} earthquakes for the "
+        f"search and {LEAST_EARTHQUAKES} others for the validation are needed.",
         "Give records of more earthquakes.",
     )
     undecided = (
@@ -98,27 +98,27 @@ class ReasonKind(enum.Enum):
     `Reason`."""
 
     overturns_more = (
-        "the block overturns in {value} of {total} runs{of} only with the pendulum, and in "
-        "{reference} only without it"
+        "of {total} paired runs{of}, the pendulum causes overturning in {value} and prevents it in "
+        "{reference}"
     )
     touches_wall = (
-        "the pendulum exceeds the limit on {limit} in {value} of the runs in which the block stands; "
-        "at most {reference} are allowed"
+        "the pendulum exceeds the limit on {limit} in {value} of the surviving runs; at most "
+        "{reference} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value} times the limit"
     worse_condition = (
-        "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, "
+        "the mean tilt is {value} of the toppling tilt with the pendulum, and {reference} without it, "
         "for {condition}{others}"
     )
     no_benefit = (
-        "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, in the "
+        "the mean tilt is {value} of the toppling tilt with the pendulum, and {reference} without it, in the "
         "runs {condition}: this is no reduction"
     )
     rests_less = (
         "the block ends at rest in {value} of {total} runs with the pendulum, and in {reference} "
-        "without it; a decrease by one tenth is allowed"
+        "without it; this number may fall by at most 10 %"
     )
-    too_little_benefit = "the {falls}, but {required}"
+    too_little_benefit = "the {falls}; required: {required}"
     slides = (
         "while the block rocks with the pendulum, its base needs a coefficient of friction of {value}, "
         "but has {reference}: the base would slide, and the equations have no sliding"
@@ -200,13 +200,14 @@ class Reason:
             why = _UNKNOWN.get(self.measure, "")
             falls = f"change of the {of} is unknown{why}"
         elif math.isfinite(self.low):
-            falls += f" (95 % interval from {low})"
+            falls += f" (lower end of the 95 % interval: {low})"
         else:
             falls += " (too few earthquakes or overturned runs for an interval)"
-        required = "a significant reduction is required"
+        required = "a significant reduction"
         if self.reference > 0.0:
-            required = f"a significant reduction of at least {reference} is required"
-            required += f", with an interval that begins above {certain}"
+            required = (
+                f"a reduction of at least {reference}, with the lower end of the interval above {certain}"
+            )
         return {"value": value, "reference": reference, "falls": falls, "required": required}
 
     def __str__(self) -> str:

@@ -130,10 +130,10 @@ class EngineVerdict(Printed):
         """Sentence that must precede the results; empty if there is nothing to warn of."""
         # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
-            word = "harms" if self.benefit < 0.0 else "helps"
-            effect = f"in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling)"
-            expected = f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})"
-            return f"DANGER: {effect}. {expected}."
+            changes = f"{-100.0 * self.benefit:+.1f} points in {self.engine}"
+            expected = f"{-100.0 * self.expected_benefit:+.1f} points in the nonlinear model"
+            disagree = "the models disagree. The pendulum changes the mean tilt by"
+            return f"DANGER: {disagree} {changes}, and by {expected}."
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
         return ""

@@ -82,7 +82,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     for i, (name, z) in enumerate(crossed.items()):
         edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
-    _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without an answer", "none")
+    _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without a result", "none")
     # The block can stay at rest where the smallest uplift margin over all conditions is positive.
     margin = design.problem.least_margins(designs)
     if margin.min() < 0.0 < margin.max():

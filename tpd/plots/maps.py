@@ -33,7 +33,7 @@ _HATCHES = {
     "overturned": ("xxxx", "overturns"),
     "not_settled": ("\\\\\\\\", "does not settle"),
 }
-_OTHER = ("++++", "no answer")
+_OTHER = ("++++", "no result")
 _QUANTITIES = {
     "amplitude": r"largest tilt $|\varphi|$ (rad)",
     "swing": r"largest bob angle $|\psi|$ (rad)",
@@ -132,7 +132,7 @@ def plot_fold_curve(curve: FoldCurve, ax: Any = None) -> Any:
 def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:
     """Draw the outcome of every pulse, without and with the pendulum side by side.
 
-    A cross is a pulse without an answer.
+    A cross is a pulse without a result.
 
     Args:
         spectrum: the answer of `tpd.overturning_spectrum`.
@@ -157,9 +157,9 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
         image = ax.pcolormesh(*grid, values, cmap=colours, norm=norm, rasterized=True)
         size, ratio = np.nonzero(cell == UNDECIDED)
         if size.size:
-            # A pulse without an answer would be white, as if the block stood.
+            # A pulse without a result would be white, as if the block stood.
             at = spectrum.frequency_ratios[ratio], spectrum.acceleration_ratios[size]
-            ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no answer: {size.size} of {cell.size}")
+            ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no result: {size.size} of {cell.size}")
             ax.legend(fontsize=8, loc="upper left")
         ax.set(title=case["label"], xlabel=r"frequency of the pulse $\omega_p/p$ (-)")
     axes[0].set_ylabel(r"largest acceleration $a_p/(g\,\tan\alpha)$ (-)")
@@ -177,7 +177,7 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
 def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
     """Draw the largest tilt over the slenderness against 2 pi/p.
 
-    Blocks that overturn, and blocks without an answer, are marked above the axes.
+    Blocks that overturn, and blocks without a result, are marked above the axes.
 
     Args:
         spectrum: the answer of `tpd.rocking_spectrum`.
@@ -193,7 +193,7 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
         level = 1.02 if style is LINES[0] else 1.06
         for where, marker, outcome in (
             (np.isinf(tilts), "|", "overturns"),
-            (np.isnan(tilts), "x", "no answer"),
+            (np.isnan(tilts), "x", "no result"),
         ):
             # A missing answer is rare. The legend has an entry for it only if there is one.
             if marker == "x" and not where.any():
@@ -213,7 +213,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     """Draw the fragility for one damage state: shares at the intensity levels, and fitted lognormal curves.
 
     The curves have 95 % confidence intervals. Fewer than five earthquakes get no curve. A bar at an intensity
-    level is the range of shares that motions without an answer could have.
+    level is the range of shares that motions without a result could have.
 
     Args:
         fragility: the answer of `tpd.fragility`.
@@ -242,17 +242,17 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
 
 def _curve(ax: Any, stripes: np.ndarray, curve: Curve, fine: np.ndarray, style: dict[str, Any]) -> None:
     """Draw the shares of one case at the intensity levels, and the fitted curve with its interval."""
-    # The total leaves out the motions without an answer, which the bars need again.
+    # The total leaves out the motions without a result, which the bars need again.
     has_share, is_open, motions = curve.total > 0, curve.undecided > 0, curve.total + curve.undecided
     shares = (curve.counts / np.maximum(curve.total, 1))[has_share]
     # Marks are open without the pendulum and filled with it, so that a grey print shows the difference.
     marks = style | {"ls": "", "ms": 6.0, "mec": INK}
     ax.plot(stripes[has_share], shares, clip_on=False, zorder=3, **marks)
     if is_open.any():
-        # A bar goes from the share if no motion without an answer had reached the state, to the share if all
+        # A bar goes from the share if no motion without a result had reached the state, to the share if all
         # had.
         ends = (curve.counts / motions)[is_open], ((curve.counts + curve.undecided) / motions)[is_open]
-        label = f"{style['label']}: {curve.undecided.sum()} runs without an answer"
+        label = f"{style['label']}: {curve.undecided.sum()} runs without a result"
         ax.vlines(stripes[is_open], *ends, colors=style["color"], lw=5, alpha=0.35, label=label)
     # No curve can be fitted if all runs, or no runs, reach the state.
     fit = curve.fit

@@ -13,11 +13,11 @@ from tpd.report.blocks import Summary, wrapped
 from tpd.report.summary import headline, other_reasons, summary
 
 MOST = 26
-"""Largest number of lines. The command prints up to nine lines on block and motion before the search, so
+"""Largest number of lines. The command prints up to nine lines on block and excitation before the search, so
 that the whole output has at most thirty-five lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
-_ALONE = "block", "motion", "lifts", "slides"
+_ALONE = "block", "excitation", "uplift", "sliding"
 """Rows about the block without a pendulum, which the command prints before the search."""
 
 

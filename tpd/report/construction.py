@@ -44,7 +44,7 @@ def _sizes(design: Design, build: Build) -> Table:
     mass = point(pendulum)
     body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
     if math.isfinite(build.mass):
-        dead = f"{number(build.dead, 3)} kg of bob and rod only add weight at the top"
+        dead = f"{number(build.dead, 3)} kg of bob and rod act as if fixed at the hinge"
         body = f"{build.bob}, equivalent to a point mass of {mass}; {dead}"
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
@@ -80,10 +80,11 @@ def _sizes(design: Design, build: Build) -> Table:
     forces = "The block overturns in all motions. Forces are those of a free swing from the largest angle."
     if loads.motions:
         forces = (
-            f"Forces are the largest of {loads.motions} motions of the job in which the block stands, by the "
-            "linear equations with nominal values and the whole mass of bob and rod. Harmonic motions last "
-            "40 periods from rest; if there are many motions, those with the largest swing are used. Impacts "
-            "of the block are not included: the factor of safety of the parts below allows for them."
+            f"Forces are the largest of {loads.motions} motions of the job in which the block does not "
+            "overturn, by the linear equations with nominal values and the whole mass of bob and rod. "
+            "Harmonic motions last 40 periods from rest; if there are many motions, those with the largest "
+            "swing are used. Impacts of the block are not included: the factor of safety of the parts below "
+            "allows for them."
         )
     return Table(("quantity", "value", "remark"), tuple(rows), forces)
 

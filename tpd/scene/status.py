@@ -59,8 +59,8 @@ class Status(eqx.Enumeration):
         "gradient is unbounded there and is not returned. Move the parameters away from the fold."
     )
     grazing = (
-        "The periodic motion touches an event without crossing it. On one side of such a design the gradient "
-        "does not exist, and it is not returned. Change the parameters."
+        "The periodic motion only just reaches an impact, a turning point or sticking. The amplitude has a "
+        "kink there, and no gradient is returned. Change a parameter slightly."
     )
     event_bound = (
         "There are more events in one period than `max_events` allows (endless rattling), or more solver "
@@ -72,8 +72,8 @@ class Status(eqx.Enumeration):
         "such as a length ratio near zero). Change the parameters."
     )
     no_orbit = "There is no such periodic motion. Run a simulation to see the motion of the block."
-    stood = "The block stays on its base: the motion does not lift it."
-    rocked = "The block rocks during the motion and does not overturn."
+    stood = "The block stays on its base: the excitation does not lift it."
+    rocked = "The block rocks during the excitation and does not overturn."
     inexact = (
         "From the same initial state, the model with smoothed signs settles into another motion than the "
         "exact model, or its amplitude differs by more than 5 %. Amplitude and gradient are those of the "

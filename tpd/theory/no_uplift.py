@@ -95,23 +95,23 @@ class AtRest(NamedTuple):
     @property
     def slides(self) -> bool:
         """Whether the block slides before it lifts, according to the friction of its base."""
-        # With an unknown friction of the base nothing is claimed.
+        # If the friction of the base is unknown, sliding is unknown too, and `sliding_in_words` has a hint.
         return self.base_friction is not None and self.base_friction < self.needed_friction
 
     @property
     def sliding_in_words(self) -> str:
         """Text that says whether the block at rest slides before it lifts."""
-        base, more = self.base_friction, "; while it rocks it may need more"
+        base, more = self.base_friction, " (more may be needed during rocking)"
         if base is None:
             # Only friction that a dry base may lack is worth a hint.
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
             least = number(self.needed_friction, 2) + more + (hint if self.needed_friction > DRY else "")
-            return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
+            return f"none before uplift if the coefficient of friction of the base is at least {least}"
         least, base = compared(self.needed_friction, base)
         needed = f"a coefficient of friction of {least} is needed"
         if self.slides:
-            return f"at {base} g, BEFORE IT LIFTS: {needed}"
-        return f"not before it lifts: {needed}, the base has {base}{more}"
+            return f"at {base} g, BEFORE UPLIFT: {needed}"
+        return f"none before uplift: {needed}, the base has {base}{more}"
 
     @property
     def lifting_in_words(self) -> str:
@@ -122,7 +122,7 @@ class AtRest(NamedTuple):
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
-        return f"  lifts   {self.lifting_in_words}\n  slides  {self.sliding_in_words}"
+        return f"  uplift      {self.lifting_in_words}\n  sliding     {self.sliding_in_words}"
 
 
 def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
