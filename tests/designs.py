@@ -82,11 +82,11 @@ class NoisyProblem(Problem):
     has_validation_runs: ClassVar[bool] = True
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
-    assumed_excitation: ClassVar[str] = "Noise."  # type: ignore[misc]
+    assumed_excitation: ClassVar[str] = "noise"  # type: ignore[misc]
     # A longest length below the shortest one is no rule of thumb.
     rule_lengths: ClassVar[tuple[float, float]] = 0.0, 1.0  # type: ignore[misc]
     rule_swing: ClassVar[float] = 0.0  # type: ignore[misc]
-    starts_in_words: ClassVar[str] = "Starts: any."  # type: ignore[misc]
+    starts_in_words: ClassVar[str] = "any"  # type: ignore[misc]
     duration_in_words: ClassVar[str] = "runs of any duration"  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0

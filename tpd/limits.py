@@ -474,8 +474,8 @@ LIMIT_KINDS: tuple[type[Limit], ...] = (
 )
 """All limits, in the order of a report."""
 LABELS = {kind.name: kind.label or kind.name for kind in LIMIT_KINDS} | {
-    THICKNESS: "thickness (bob off the hinge)",
-    DEPTH: "depth (bob within the block's height)",
+    THICKNESS: "thickness (half the height of the bob)",
+    DEPTH: "depth (lower end of the bob)",
 }
 """Words of a report, by the names of the limited sizes."""
 STILL = THICKNESS, DEPTH, Mass.name

@@ -11,6 +11,8 @@ from tpd.design.design import FrontPoint
 from tpd.report.blocks import Code, Figure, Severity, Table
 from tpd.report.content import content, figures
 
+REPEAT = "Appendix: how to repeat the search"
+
 
 def section(report, title):
     (found,) = (s for s in report.sections if s.title == title)
@@ -18,7 +20,7 @@ def section(report, title):
 
 
 def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
-    report = content(harmonic(), details(), name="Tower", date="2026-11-23")
+    report = content(harmonic(), details(), project={"name": "Tower"}, date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
     assert [r[0] for r in report.summary.rows[:7]] == [
@@ -43,30 +45,42 @@ def test_every_other_reduction_of_a_report_names_the_one_that_counts():
     assert "for comparison only" in dict(report.summary.rows)["losses"]
 
 
-def test_the_intensity_of_the_motions_is_named_once():
-    (listed,) = section(content(ground(), Details()), "Assumptions")
-    (excitation,) = (text for text in listed.items if text.startswith("Excitation"))
-    assert excitation.count("PGA over g tan(alpha)") == 1
+def test_the_hypotheses_name_the_intensity_once_and_define_overturned_and_surviving_runs():
+    (table,) = section(content(ground(), Details()), "Hypotheses")
+    rows = dict(table.rows)
+    assert rows["excitation"].count("PGA over g tan(alpha)") == 1
+    assert rows["surviving runs"] == "runs in which the block does not overturn"
+    assert {"starts", "duration", "overturned", "direction", "α, toppling angle", "energy loss"} <= set(rows)
+
+
+def test_the_document_has_lines_for_author_checker_and_revision_and_the_codes_are_left_to_the_designer():
+    project = {"name": "Tower", "author": "N. N.", "checker": None}
+    document, scope = section(content(harmonic(), details(), project=project), "Document and scope")
+    labels = "project", "author", "checked by", "revision", "date", "signatures"
+    assert document.rows == tuple(zip(labels, ("Tower", "N. N.", "", "", "", ""), strict=True))
+    subjects = " ".join(str(row[0]) for row in scope.rows)
+    assert all(code in subjects for code in ("EN 1990", "EN 1998", "EN 1993", "second", "inspection"))
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind):
-    order = ["Notes", "Build it", "Validation runs", "Against a wider base", "Under other sets of records"]
+    order = ["Hypotheses", "Document and scope", "Notes", "Build it", "Lighter pendulums"]
+    order += ["Validation runs", "Against a wider base", "Under other sets of records"]
     order += [
         "Other energy losses",
         "What limits the design",
         "Nearby frequencies",
         "Motion from rest",
         "Settled motion",
-        "Search",
-        "Rejected designs",
-        "Records",
+        "Appendix: search",
+        "Appendix: rejected designs",
+        "Appendix: records",
+        "Appendix: how to repeat the search",
     ]
-    order += ["Lighter pendulums", "Assumptions", "How to repeat it"]
     report = content(DESIGNS[kind](), details(kind), "[block]\n")
     titles = [s.title for s in report.sections]
     assert titles == [title for title in order if title in titles]
-    assert ("Records" in titles) is (kind in ("ground", "tuned"))
+    assert ("Appendix: records" in titles) is (kind in ("ground", "tuned"))
     assert ("Build it" in titles) is (kind in ("harmonic", "tuned"))
     assert ("Settled motion" in titles) is (kind in ("harmonic", "rejected"))
     drawn = [b.name for s in report.sections for b in s.blocks if isinstance(b, Figure)]
@@ -88,16 +102,16 @@ def test_the_front_has_a_row_for_every_mass():
 
 
 def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
-    blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), "How to repeat it")
+    blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), REPEAT)
     said = [block.text for block in blocks if isinstance(block, Code)]
     again = f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again"
     assert said == [again, f"tpd explore {tmp_path}", "[block]\n"]
-    assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), "How to repeat it"))
+    assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), REPEAT))
 
 
 def test_records_are_listed_with_the_notes_on_their_files():
     table, notes = section(
-        content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Records"
+        content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Appendix: records"
     )
     assert [row[:3] for row in table.rows] == [
         ("search records", "loma-prieta", "Loma Prieta 1989"),

@@ -83,14 +83,16 @@ def test_page_and_text_have_the_same_content_in_the_same_order(kind):
         assert found.summary.comparison.caption in words
 
 
-def test_severities_are_classes_and_all_but_the_first_screen_is_folded():
+def test_severities_are_classes_and_all_sections_but_the_first_are_folded():
     sections = Section("a", (danger("D"), note("N"))), Section("b", (Text("y"),))
     page = html(report(note("verdict"), *sections), {})
     tags = read(page).tags
     assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
-    assert [at for tag, at in tags if tag == "details"] == [{}, {}]
+    assert [at for tag, at in tags if tag == "details"] == [{"open": None}, {}]
     # Pictures are printed in their own size, in which their words have 8 points.
     assert ".first img { max-height: none; }" in page
+    # A reader of a dark screen gets a dark page. A printed page is always white.
+    assert "@media screen and (prefers-color-scheme: dark)" in page
     # Folded on the screen, all sections are printed.
     assert "details::details-content { content-visibility: visible" in page
     assert re.findall(r"([^{};]*)\{ display: none", page.partition("@media print")[2]) == ["\n  .animated "]

@@ -103,12 +103,14 @@ def test_losses_have_a_row_each():
 
 def test_limits_that_keep_better_designs_out_are_named():
     trials = harmonic().trials
-    text, table = sections.limiting(harmonic())
+    used, text, table = sections.limiting(harmonic())
     kept = int(trials.feasible.sum())
     assert text.text.startswith(f"{kept} of {len(trials.designs)} designs with trial runs keep all limits.")
     (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
     assert (f"exceed each limit, or for which it is unknown: stroke {over}" in text.text) == (over > 0)
-    assert f"stroke {words.percent(harmonic().usage['stroke'])}" in text.text
+    share = words.percent(harmonic().usage["stroke"])
+    assert rows(used)["stroke"] == ("stroke 0.5 rad", "each run", share)
+    assert rows(used)["reserve"][2] is None
     best = trials.best_without()
     assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)
     # The best of all designs exceeds one limit: without this limit it is the best one.
@@ -117,9 +119,9 @@ def test_limits_that_keep_better_designs_out_are_named():
     changed = dataclasses.replace(
         trials, sizes=sizes, feasible=trials.feasible & (np.arange(len(sizes)) != best)
     )
-    table = sections.limiting(dataclasses.replace(harmonic(), trials=changed))[1]
+    table = sections.limiting(dataclasses.replace(harmonic(), trials=changed))[2]
     assert list(rows(table)) == ["all limits", "without the limit on stroke"]
-    assert "the gain if one limit is removed" in table.caption
+    assert "Other rows: best design without that limit." in table.caption
 
 
 def test_settled_motions_have_a_row_for_every_condition():

@@ -239,12 +239,12 @@ class GroundMotionProblem(Problem):
     @property
     def assumed_excitation(self) -> str:
         """See `Problem.assumed_excitation`."""
-        return f"Excitation from rest: {'; '.join(self.conditions.description)}."
+        return f"horizontal ground motions from rest: {'; '.join(self.conditions.description)}"
 
     @property
     def starts_in_words(self) -> str:
         """See `Problem.starts_in_words`."""
-        return "Starts: block and bob begin at rest."
+        return "block and bob begin at rest"
 
     @property
     def duration_in_words(self) -> str:

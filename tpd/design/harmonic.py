@@ -251,10 +251,7 @@ class HarmonicProblem(Problem):
         motion, g = self.scene.excitation, number(self.scene.gravity)
         more = "" if len(self.conditions) == 1 else ", with the changes of the conditions"
         sine = f"{number(motion.amplitude)} m · sin(2π · {number(motion.frequency)} Hz · t)"
-        return (
-            "Excitation: horizontal harmonic motion of the base in the plane of the block, "
-            f"{sine}{more}. g = {g} m/s²."
-        )
+        return f"horizontal harmonic motion of the base in the plane of the block, {sine}{more}; g = {g} m/s²"
 
     @property
     def starts_in_words(self) -> str:
@@ -266,10 +263,10 @@ class HarmonicProblem(Problem):
             for x in e.growth
         )
         return (
-            f"Starts: block and bob begin at rest. Of the runs {share} begin after a disturbance: a tilt "
+            f"block and bob begin at rest. Of the runs {share} begin after a disturbance: a tilt "
             f"of up to {percent(most)} of the toppling tilt, a bob angle of up to {number(e.swing)} rad, and "
             "rates of the same size per unit of dimensionless time. The excitation "
-            f"{growth}, in equal shares of the runs."
+            f"{growth}, in equal shares of the runs"
         )
 
     @property

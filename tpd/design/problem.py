@@ -319,12 +319,12 @@ class Problem(ABC):
     @property
     @abstractmethod
     def assumed_excitation(self) -> str:
-        """Sentence on the excitation as the runs assume it."""
+        """Words for the excitation as the runs assume it."""
 
     @property
     @abstractmethod
     def starts_in_words(self) -> str:
-        """Sentence on the initial states of the validation runs and on the beginning of the excitation."""
+        """Words for the initial states of the validation runs and for the beginning of the excitation."""
 
     @property
     @abstractmethod
@@ -335,8 +335,8 @@ class Problem(ABC):
     def runs_in_words(self) -> str:
         """Sentences on starts, duration and outcome of the validation runs."""
         return (
-            f"{self.starts_in_words} Duration: {self.duration_in_words}. A run counts as overturned if the "
-            "tilt passes the toppling angle and the block cannot return."
+            f"Starts: {self.starts_in_words}. Duration: {self.duration_in_words}. A run counts as overturned if "
+            "the tilt passes the toppling angle and the block cannot return."
         )
 
     @abstractmethod

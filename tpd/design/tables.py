@@ -150,9 +150,19 @@ _TWO_MASSES = Need(
 # Each of the following classes declares the keys of one table that are no fields of a dataclass.
 
 
+_Line = Annotated[str, Meta(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""Text without control characters."""
+
+
 class _Project(msgspec.Struct):
-    name: Annotated[str, Meta(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] | None = None
+    name: _Line | None = None
     """Name of the project, for titles."""
+    author: _Line | None = None
+    """Author of the report."""
+    checker: _Line | None = None
+    """Person who checks the report."""
+    revision: _Line | None = None
+    """Revision of the report."""
 
 
 class _Excitation(msgspec.Struct):

@@ -7,23 +7,60 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from tpd.core import files
-from tpd.core.formatting import interval, number, percent
+from tpd.core.formatting import interval, number
 from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
 from tpd.report import construction, sections, words
-from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
+from tpd.report.blocks import Block, Cell, Code, Figure, Report, Section, Severity, Table, Text
 from tpd.report.summary import repeat, summary
 from tpd.scene.conditions import MEASURED
 
 _SOURCE = (
-    " The difference from Housner's e is the one of the first impacts in 134 free-rocking trials of "
-    "limestone blocks (Colombo and others, 2026, DOI 10.60756/uminho-jh25, CC BY 4.0): an indication."
+    ". The scatter of e comes from the first impacts in 134 free-rocking trials of limestone blocks "
+    "(Colombo and others, 2026, DOI 10.60756/uminho-jh25, CC BY 4.0). For other blocks it is an indication"
 )
+_SCOPE: tuple[tuple[Cell, ...], ...] = (
+    (
+        "basis of design (EN 1990)",
+        "share of runs that overturn under the stated excitation",
+        "consequence class, required reliability, combinations of actions, partial factors",
+    ),
+    (
+        "earthquake (EN 1998)",
+        "only the excitation in the hypotheses, in one horizontal direction",
+        "design ground motion of the site, vertical acceleration, importance class",
+    ),
+    (
+        "steel parts (EN 1993)",
+        "first sizes of rod, pin, damper and stop against yield",
+        "beam of the hinge, plates, bolts, threads, welds; stability; fatigue (EN 1993-1-9)",
+    ),
+    (
+        "block and ground",
+        "forces of the pendulum on the top of the block",
+        "strength of walls, top and base (EN 1996 for masonry), crushing of the edges, soil (EN 1997)",
+    ),
+    (
+        "second horizontal direction",
+        "none: one pendulum reduces rocking in one direction",
+        "a pendulum for each direction in which the block can rock, each designed and checked",
+    ),
+    (
+        "inspection",
+        "measurements on site before the first use, in the section Build it",
+        "intervals, at least after every uplift: frequency, play and cracks of pin and rod, leaks and "
+        "stroke of the damper, stops, edges of the block",
+    ),
+    ("wind, ageing, temperature", "none", "wind load, corrosion, damping at low and high temperature"),
+)
+"""Subjects of a verification, with what the report contains and what it leaves to the designer."""
 _CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
@@ -79,7 +116,7 @@ def content(
     details: Details,
     job_toml: str = "",
     directory: Path | None = None,
-    name: str = "",
+    project: Mapping[str, Any] = MappingProxyType({}),
     date: str = "",
     record_notes: Sequence[str] = (),
 ) -> Report:
@@ -90,28 +127,29 @@ def content(
         details: further results that the report shows, from `tpd.details`.
         job_toml: content of the job file that repeats the search; left out if empty.
         directory: folder of the report, for the command that repeats the search.
-        name: name of the project, for the title.
+        project: table [project] of the job: name, author, checker and revision.
         date: date of the report, for the title.
         record_notes: notes of the reader on the files of the records.
     """
     # A picture whose data is missing has no figure, so that the report does not refer to it.
+    name = project.get("name") or ""
     first, drawn = summary(design, details, directory, name), figures(design, details)
 
     def picture(file: str) -> list[Block]:
         # A picture whose data is missing has no figure, so that the report does not refer to it.
         return [drawn[file]] if file in drawn else []
 
-    # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
-    # it stops to hold, how it was computed.
+    front: list[Block] = [*picture("front.svg"), _front(details.front, design)] if details.front else []
+    # The sections follow the questions of an engineer: what the result depends on, what to watch, what to
+    # build, why to believe it, where it stops to hold. How it was computed is in appendices.
     parts: dict[str, list[Block]] = {
+        "Hypotheses": [_hypotheses(design)],
+        "Document and scope": _scope(project, date),
         "Notes": [n for n in first.notes if n.severity is not Severity.danger],
         "Build it": construction.section(design, details),
-    } | sections.sections(design, details, picture, record_notes)
-    front: list[Block] = [*picture("front.svg"), _front(details.front, design)] if details.front else []
-    parts |= {
         "Lighter pendulums": front,
-        "Assumptions": [Listing(tuple(_assumptions(design)))],
-        "How to repeat it": _repeat(design, job_toml, directory),
+        **sections.sections(design, details, picture, record_notes),
+        "Appendix: how to repeat the search": _repeat(design, job_toml, directory),
     }
     return Report(
         title=words.title(design.scene, name, date),
@@ -160,33 +198,59 @@ def _front(points: Sequence[FrontPoint], design: Design) -> Table:
     return Table(head, tuple(rows), caption)
 
 
-def _assumptions(design: Design) -> list[str]:
-    """List the assumptions of the search and of the validation, each as a paragraph."""
+def _hypotheses(design: Design) -> Table:
+    """Return the table of the hypotheses that the result depends on."""
     scene, problem, gyration = design.scene, design.problem, design.scene.block.radius_of_gyration
-    radius = f"with a radius of gyration of {number(gyration or 0.0)} m about the centroid"
-    inertia = "a uniform rectangle" if gyration is None else radius
-    text = [
-        f"The block is rigid, {inertia}, and rocks about its two lower edges. It neither slides nor bounces.",
-        f"Energy losses: {words.losses(scene.block)}. k is the moment of friction over M g b. e is the "
-        "ratio of the angular rates after and before an impact on the base.",
-        "The bob is a point mass on a massless rod. The hinge is in the middle of the top and has a viscous "
-        "damper.",
-    ]
+    block = scene.block
+    radius = f"radius of gyration {number(gyration or 0.0)} m about the centroid"
+    diagonal = number(0.5 * math.hypot(float(block.base_width), float(block.height)))
     # Only the default scatter of Housner's e has a source.
     is_measured = problem.scatter.get("restitution") == MEASURED
-    limits = "; ".join(map(words.limit, problem.run_limits)) or "none"
-    orbits = "; ".join(words.limit(limit) for limit in problem.limits if not limit.of_motion)
-    of_orbits = f" Limits on the settled motion under each condition: {orbits}." if orbits else ""
+    rows: list[tuple[Cell, ...]] = [
+        ("block", f"rigid; {'uniform rectangle' if gyration is None else radius}"),
+        ("R, half diagonal of the block", f"{diagonal} m"),
+        ("α, toppling angle", words.angle(math.atan(float(block.slenderness)))),
+        ("p = ω₀, frequency parameter", f"{number(float(scene.rate))} rad/s"),
+        (
+            "energy loss",
+            f"{words.losses(block)} (e: coefficient of restitution; k: moment of friction over M g b)",
+        ),
+        (
+            "ground",
+            "rigid and level; the block rocks about its two lower edges and neither slides nor bounces",
+        ),
+        ("direction", "one vertical plane, in which block, pendulum and excitation move"),
+        (
+            "pendulum",
+            "point mass on a massless rod, with a viscous damper at the hinge in the middle of the top",
+        ),
+        ("excitation", problem.assumed_excitation),
+        ("starts", problem.starts_in_words),
+        ("duration", problem.duration_in_words),
+        ("overturned", "the tilt passes the toppling angle, and the block cannot return"),
+        ("surviving runs", "runs in which the block does not overturn"),
+        (
+            "models",
+            "search: linear equations (25) of Collini et al. (2016) without their misprints, solved in "
+            "closed form; validation: nonlinear equations (4)",
+        ),
+        (
+            "scatter",
+            f"{problem.scatter_in_words()}; ranges are uniform, with the same values with and without the "
+            f"pendulum{_SOURCE if is_measured else ''}",
+        ),
+    ]
+    return Table(("hypothesis", "value"), tuple(rows), "The result holds for these hypotheses only.")
+
+
+def _scope(project: Mapping[str, Any], date: str) -> list[Block]:
+    """Return the table of who made and checked the report, and the table of the checks that remain."""
+    names = {"name": "project", "author": "author", "checker": "checked by", "revision": "revision"}
+    about = [(label, project.get(key) or "") for key, label in names.items()]
+    head = "subject", "in this report", "left to the designer"
     return [
-        *text,
-        problem.assumed_excitation,
-        problem.runs_in_words,
-        "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
-        "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
-        f"Scatter of the validation runs: {problem.scatter_in_words()}. A range is uniformly distributed. "
-        f"Each run has the same values with and without the pendulum.{_SOURCE if is_measured else ''}",
-        f"Limits, which all but {percent(problem.allowed)} of the runs in which the block stands must "
-        f"keep: {limits}.{of_orbits}",
+        Table(("document", ""), (*about, ("date", date), ("signatures", ""))),
+        Table(head, _SCOPE, "The report is not a verification by a code."),
     ]
 
 

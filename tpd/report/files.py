@@ -58,8 +58,8 @@ def write(
         warn: function that is called with a sentence for each picture that cannot be drawn, and on files
             in the folder that do not belong to the report.
     """
-    name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
-    report = content(design, details, job_toml, folder, name, files.today(), record_notes)
+    project, folder = job_tables.get("project", {}), directory if job_toml else None
+    report = content(design, details, job_toml, folder, project, files.today(), record_notes)
     results_json = as_json(design, details, report.summary, job_tables, record_notes)
     tables = {"report.txt": text(report), files.REPORT: results_json}
     tables |= {"scene.toml": job_toml} if job_toml else {}

@@ -11,10 +11,10 @@ import numpy as np
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.core.formatting import number, percent, unanswered
-from tpd.design.as_built import Details
+from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
 from tpd.design.sizes import MOTION_KINDS
-from tpd.limits import LABELS
+from tpd.limits import LABELS, STILL
 from tpd.records.read import same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
@@ -42,13 +42,13 @@ def sections(
         "Against a wider base": wider_bases(design, details),
         "Under other sets of records": transferred(details),
         "Other energy losses": other_losses(details),
-        "What limits the design": limiting(design),
+        "What limits the design": limiting(design, details.build),
         "Nearby frequencies": [*picture("response.svg")],
         "Motion from rest": [*picture("motion.svg")],
         "Settled motion": settled(design, picture("conditions.svg")),
-        "Search": searched(design, picture("search.png")),
-        "Rejected designs": rejected(design),
-        "Records": records(design, record_notes),
+        "Appendix: search": searched(design, picture("search.png")),
+        "Appendix: rejected designs": rejected(design),
+        "Appendix: records": records(design, record_notes),
     }
 
 
@@ -192,11 +192,11 @@ def other_losses(details: Details) -> list[Block]:
     return [Table(head, tuple(rows), caption)]
 
 
-def limiting(design: Design) -> list[Block]:
+def limiting(design: Design, build: Build | None = None) -> list[Block]:
     """Return which limits exclude better designs, and the best design without each of these limits."""
-    trials = design.trials
+    trials, used = design.trials, _utilisation(design, build)
     if trials is None:
-        return []
+        return used
     # A ratio above 1 exceeds the limit, and an unknown one does not keep it.
     counts = {n: int(np.sum(~(x <= 1.0))) for n, x in zip(trials.names, trials.sizes.T, strict=True)}
     over = ", ".join(f"{LABELS.get(name, name)} {n}" for name, n in counts.items() if n)
@@ -211,18 +211,36 @@ def limiting(design: Design) -> list[Block]:
         if other != best:
             rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
     head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt (of ν)")
-    gain = "Other rows: the gain if one limit is removed."
+    others = "Other rows: best design without that limit."
     if len(rows) == 1:
-        gain = "No design that exceeds only one limit is better."
+        others = "No design that exceeds only one limit is better."
     caption = (
-        "First row: the best design of the trial runs, with its mean tilt smoothed over all designs (trend). "
-        f"{gain} Without a pendulum the mean tilt is {percent(trials.without_pendulum, 1)}."
+        f"First row: best design of the trial runs that keeps all limits. {others} Mean tilts are estimates "
+        "from a trend over all designs. Without a pendulum the mean tilt is "
+        f"{percent(trials.without_pendulum, 1)} of ν."
     )
-    usage = ", ".join(f"{LABELS.get(n, n)} {percent(x)}" for n, x in words.usage(design).items())
+    return [*used, Text(text), Table(head, tuple(rows[:_MOST]), caption)]
+
+
+def _utilisation(design: Design, build: Build | None) -> list[Block]:
+    """Return a table of the limits with the utilisation by the best design."""
+    shares, limits = words.usage(design, build), {of.name: of for of in design.problem.limits}
+    rows = tuple(
+        (
+            LABELS.get(name, name),
+            words.limit(limits[name]) if name in limits else None,
+            # Mass and size of the body do not depend on the motion.
+            "bob as built" if name in STILL else "each run" if limits[name].of_motion else "settled motion",
+            percent(shares[name]) if name in shares else None,
+        )
+        for name in {**limits, **shares}
+    )
     which = "recommended pendulum" if design.pendulum else "nearest design"
-    if usage:
-        text += f" Share of each limit that the {which} uses in {words.kept(design)}: {usage}."
-    return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
+    caption = (
+        f"Utilisation: quantity of the {which} over its limit, in {words.kept(design)}. At 100 % the limit "
+        "is reached. Limits on the settled motion hold under each condition."
+    )
+    return [Table(("quantity", "limit", "concerns", "utilisation"), rows, caption)] if shares else []
 
 
 def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:

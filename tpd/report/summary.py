@@ -126,9 +126,9 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {percent(m.low.mean)}" for m in details.sensitivity if not m.name]
-        count, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
-        by = f"{count} linear runs each, for comparison only"
-        yield "losses", f"reduction of the mean tilt for other losses ({by}): {listed}"
+        count, listed = details.losses[0].runs.pairs, ", ".join([*stated, *cases])
+        by = f"{count} runs of the linear equations each, for comparison only"
+        yield "losses", f"reduction of the mean tilt if the energy loss is another ({by}): {listed}"
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:
@@ -218,11 +218,8 @@ def _clearance(design: Design, over_limit: float, build: Build | None) -> tuple[
 
 def active_limits(design: Design, details: Details) -> str:
     """List the active limits, and the bounds of the search that the design lies on."""
-    shares, build = words.usage(design), details.build
-    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in shares:
-        # The distance in the validation runs is more informative than the ratio at nominal values.
-        shares["clearance"] = build.reach / build.wall
-    active = [f"{LABELS.get(n, n)}, {percent(x)} used" for n, x in shares.items() if x >= _USED]
+    shares = words.usage(design, details.build)
+    active = [f"{LABELS.get(n, n)}, utilisation {percent(x)}" for n, x in shares.items() if x >= _USED]
     listed = "; ".join([*active, *design.at_bounds])
     return f"active: {listed}" if listed else "no limit is active"
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
     from tpd.answers.paired import Change, PairedRuns, Part
     from tpd.answers.response import Response
+    from tpd.design.as_built import Build
     from tpd.design.design import Design
     from tpd.design.first_guess import Rule
     from tpd.design.wider_base import Worth
@@ -160,11 +161,15 @@ def group(part: Part) -> str:
     return f"  {part.label} ({part.rows.sum()} runs): mean tilt, as a share of ν, {tilts}"
 
 
-def usage(design: Design) -> dict[str, float]:
-    """Return the share of each limit that the best design uses, by the name of the limit."""
+def usage(design: Design, build: Build | None = None) -> dict[str, float]:
+    """Return the utilisation of each limit by the best design, by the name of the limit."""
     # A reserve is a lower bound, so the share of it that is used has no meaning. A share is unknown if the
     # block stands in no validation run.
-    return {name: x for name, x in design.usage.items() if name != "reserve" and not math.isnan(x)}
+    shares = {name: x for name, x in design.usage.items() if name != "reserve" and not math.isnan(x)}
+    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in shares:
+        # The distance in the validation runs is more informative than the ratio at nominal values.
+        shares["clearance"] = build.reach / build.wall
+    return shares
 
 
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
@@ -250,7 +255,9 @@ def comparison(runs: PairedRuns) -> Table:
         digits = 0 if "severity" in c.name else 1
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
         rows.append((_CHANGES[c.name], *shares, difference(c, digits)))
-    caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    # The seed is in the section on the validation runs.
+    described = runs.description.replace(f", seed {runs.with_pendulum.seed}", "")
+    caption = f"{described}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))
