@@ -150,10 +150,6 @@ _TWO_MASSES = Need(
 # Each of the following classes declares the keys of one table that are no fields of a dataclass.
 
 
-_Line = Annotated[str, Meta(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")]
-"""Text without control characters."""
-
-
 class _Project(msgspec.Struct):
     name: _Line | None = None
     """Name of the project, for titles."""

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
     from tpd.answers.paired import Change, PairedRuns, Part
     from tpd.answers.response import Response
-    from tpd.design.as_built import Build
     from tpd.design.design import Design
     from tpd.design.first_guess import Rule
     from tpd.design.wider_base import Worth
@@ -161,8 +160,13 @@ def group(part: Part) -> str:
     return f"  {part.label} ({part.rows.sum()} runs): mean tilt, as a share of ν, {tilts}"
 
 
-def usage(design: Design, build: Build | None = None) -> dict[str, float]:
-    """Return the utilisation of each limit by the best design, by the name of the limit."""
+def usage(design: Design, build: Any = None) -> dict[str, float]:
+    """Return the utilisation of each limit by the best design, by the name of the limit.
+
+    Args:
+        design: the answer of `optimise`.
+        build: the `tpd.design.as_built.Build` of the design, or None.
+    """
     # A reserve is a lower bound, so the share of it that is used has no meaning. A share is unknown if the
     # block stands in no validation run.
     shares = {name: x for name, x in design.usage.items() if name != "reserve" and not math.isnan(x)}
