@@ -26,6 +26,8 @@ _SOURCE = (
     ". The scatter of e comes from the first impacts in 134 free-rocking trials of limestone blocks "
     "(Colombo and others, 2026, DOI 10.60756/uminho-jh25, CC BY 4.0). For other blocks it is an indication"
 )
+# The codes tell the designer which verifications the report does not replace. Their parts differ between
+# countries and editions, so only the numbers of the codes are given.
 _SCOPE: tuple[tuple[Cell, ...], ...] = (
     (
         "basis of design (EN 1990)",
@@ -219,6 +221,7 @@ def _hypotheses(design: Design) -> Table:
             "ground",
             "rigid and level; the block rocks about its two lower edges and neither slides nor bounces",
         ),
+        # A pendulum on a pin does nothing in the other horizontal direction.
         ("direction", "one vertical plane, in which block, pendulum and excitation move"),
         (
             "pendulum",
@@ -227,6 +230,7 @@ def _hypotheses(design: Design) -> Table:
         ("excitation", problem.assumed_excitation),
         ("starts", problem.starts_in_words),
         ("duration", problem.duration_in_words),
+        # Many sentences of the report count runs by their outcome, which is defined here only.
         ("overturned", "the tilt passes the toppling angle, and the block cannot return"),
         ("surviving runs", "runs in which the block does not overturn"),
         (
@@ -246,6 +250,7 @@ def _hypotheses(design: Design) -> Table:
 def _scope(project: Mapping[str, Any], date: str) -> list[Block]:
     """Return the table of who made and checked the report, and the table of the checks that remain."""
     names = {"name": "project", "author": "author", "checker": "checked by", "revision": "revision"}
+    # A line without a value is left blank, and can be filled in on the printed page.
     about = [(label, project.get(key) or "") for key, label in names.items()]
     head = "subject", "in this report", "left to the designer"
     return [

@@ -235,6 +235,7 @@ def _utilisation(design: Design, build: Build | None) -> list[Block]:
         )
         for name in {**limits, **shares}
     )
+    # A rejected design shows by its utilisations which limit it exceeds.
     which = "recommended pendulum" if design.pendulum else "nearest design"
     caption = (
         f"Utilisation: quantity of the {which} over its limit, in {words.kept(design)}. At 100 % the limit "
