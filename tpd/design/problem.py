@@ -335,8 +335,8 @@ class Problem(ABC):
     def runs_in_words(self) -> str:
         """Sentences on starts, duration and outcome of the validation runs."""
         return (
-            f"Starts: {self.starts_in_words}. Duration: {self.duration_in_words}. A run counts as overturned if "
-            "the tilt passes the toppling angle and the block cannot return."
+            f"Starts: {self.starts_in_words}. Duration: {self.duration_in_words}. A run counts as "
+            "overturned if the tilt passes the toppling angle and the block cannot return."
         )
 
     @abstractmethod

@@ -217,6 +217,7 @@ def _hypotheses(design: Design) -> Table:
             "energy loss",
             f"{words.losses(block)} (e: coefficient of restitution; k: moment of friction over M g b)",
         ),
+        # A block that slides or bounces has other motions than those of the equations.
         (
             "ground",
             "rigid and level; the block rocks about its two lower edges and neither slides nor bounces",
