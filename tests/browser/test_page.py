@@ -98,7 +98,7 @@ def notice(window: Browser) -> str:
 
 
 def fall_of(scene: tpd.Scene, pendulum: tpd.Pendulum | None = None) -> float:
-    """Time in s at which a block overturns from rest by the nonlinear equations."""
+    """Time in s at which a block overturns from rest by the nonlinear model."""
     p, steps = scene.parameters(pendulum), 5_000
     times = np.linspace(0.0, 100.0, 100 * steps + 1) * float(p.period)
     tilts = np.asarray(tpd.simulate(p, np.zeros(4), times, model=tpd.Nonlinear()).ys)[:, 0]
@@ -494,7 +494,7 @@ def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
     limit = stroke_limit(problem_of(scene).limits)
     assert float(share.split()[0]) == pytest.approx(100.0 * float(rest.swing) / limit, rel=6e-3)
     assert source == "steady motion, exact"
-    assert "Steady tilt 0 with your pendulum" in status(window)
+    assert "Steady-state tilt 0 with your pendulum" in status(window)
 
 
 def test_a_click_beside_the_axes_of_the_map_changes_nothing(show):

@@ -132,7 +132,7 @@ function runsNear({ mass, length, damping }) {
 
 /** Return a value with the bound of its error, or the reason why there is no value. */
 function textOf({ value, error, source }, unit = "") {
-  if (source === "none") return "no attracting symmetric orbit below the toppling tilt";
+  if (source === "none") return "no stable symmetric orbit below the toppling tilt";
   if (source === "not interpolated") return "–";
   if (source === "exact") return `${format(value)}${unit}`;
   // The three digits that are shown are rounded as well.
@@ -171,9 +171,9 @@ function steadyRows(now, [largest, alone], pendulum, body) {
   const error = body.rod * (swing.error + tilt.error * scene.nu);
   const clearance = { ...swing, value: scene.cavity / 2 - reach, error };
   return [
-    ["tilt", "Steady tilt over the slenderness", steadyText(tilt, largest), tilt.source],
-    ["without", "Steady tilt without a pendulum", steadyText(now.without, alone), now.without.source],
-    ["swing", "Steady bob angle", textOf(swing, " rad"), swing.source],
+    ["tilt", "Steady-state tilt over the slenderness", steadyText(tilt, largest), tilt.source],
+    ["without", "Steady-state tilt without a pendulum", steadyText(now.without, alone), now.without.source],
+    ["swing", "Steady-state bob angle", textOf(swing, " rad"), swing.source],
     ["rest", "Resting block", rests ? "stays at rest once the bob has settled" : "lifts", EXACT],
     ["clearance", "Clearance to the wall", textOf(clearance, " m"), clearance.source],
   ].slice(0, scene.cavity && body.exists ? 5 : 4);
@@ -484,7 +484,7 @@ function update(isNew = true) {
   const exceeded = shares.filter(({ exceeded }) => exceeded).map(({ name }) => data.limit_labels[name]);
   const outcomes = `With your pendulum the block ${largest.outcome}; without a pendulum it ${alone.outcome} `
     + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
-  const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, `
+  const tilts = now ? `Steady-state tilt ${steadyText(now.tilt, largest)} with your pendulum, `
     + `${steadyText(now.without, alone)} without. ` : "";
   const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : "No limit is exceeded";
   const sentence = shares.length ? `${verdict} (${basis}).` : "No limit is evaluated.";
