@@ -7,6 +7,7 @@ import pytest
 
 import tpd
 from tests.designs import outcomes, paired
+from tpd.answers.paired import Decision
 from tpd.design.wider_base import WiderBase, wider_bases, worth_of
 
 BLOCK = tpd.Block(width=0.7, height=4.0, mass=2210.0)
@@ -120,6 +121,9 @@ def test_the_measure_and_the_earthquakes_are_those_of_the_decision():
     )
     assert by_quake.widening == by_run.widening
     assert by_quake.high - by_quake.low > by_run.high - by_run.low
+    decision = Decision("overturning", 0.1)
+    assert worth(overturned(15), overturned(40), overturned(30), passed=decision).decided
+    assert not by_run.decided
     # Only counted runs matter: the first half overturns in all cases but one.
     half = worth(overturned(15), overturned(40), overturned(30), overturned(10), counted=np.arange(100) < 20)
     assert half.widening == pytest.approx(0.15)

@@ -177,6 +177,13 @@ def test_a_widening_has_bounds_where_it_has_no_number(worth, words):
     assert wider(Worth(*worth, 0.2, "tilt")) == words
 
 
+def test_the_interval_of_a_widening_does_not_allow_for_a_decision_by_the_same_runs():
+    said = wider(Worth(0.07, 0.05, 0.09, 0.2, "tilt", decided=True))
+    assert (
+        said == "7 % wider (95 % interval 5 to 9 %, which does not allow for the decision by the same runs)"
+    )
+
+
 def test_dangers_come_before_all_other_reasons_and_each_kind_once():
     limits = [
         Reason(kind=ReasonKind.worse_condition, condition=f"{f} Hz", value=0.4, reference=0.3) for f in (1, 2)

@@ -52,6 +52,8 @@ class Worth(NamedTuple):
     """Largest widening that was followed."""
     measure: str
     """Measure that is equal, "overturning" or "tilt"."""
+    decided: bool = False
+    """Whether the same runs decided that the pendulum is recommended. The interval does not allow for it."""
 
 
 def wider_bases(
@@ -115,4 +117,4 @@ def worth_of(runs: PairedRuns, measure: str, bases: Sequence[WiderBase]) -> Wort
         for pendulum, *others in weights @ sums
     ]
     low, high = np.quantile(samples[1:], [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)], method="nearest")
-    return Worth(float(samples[0]), float(low), float(high), widths[-1], measure)
+    return Worth(float(samples[0]), float(low), float(high), widths[-1], measure, runs.passed is not None)

@@ -99,7 +99,8 @@ def wider(worth: Worth) -> str:
         f"more than {percent(worth.most)}" if math.isinf(x) else percent(x) if x >= 0.005 else "less than 1 %"
         for x in (worth.widening, worth.low, worth.high)
     )
-    around = "" if low == high else f" (95 % interval {low.removesuffix(' %')} to {high})"
+    caution = ", which does not allow for the decision by the same runs" if worth.decided else ""
+    around = "" if low == high else f" (95 % interval {low.removesuffix(' %')} to {high}{caution})"
     return f"{size} wider{around}"
 
 
