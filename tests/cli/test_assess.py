@@ -3,7 +3,9 @@
 import pytest
 
 from tests.cli.conftest import call
+from tests.cli.test_fragility import SITE
 from tpd.cli.new import template
+from tpd.scene.hazard import HOW_TO
 
 
 @pytest.mark.parametrize(
@@ -76,3 +78,12 @@ def test_each_level_has_a_line_with_an_interval_over_earthquakes():
         assert f"Stated block from rest at {scale} (PGA in g): {outcome}" in found
         varied = f"Runs from rest with scatter ({SCATTER})"
         assert f"{varied} at {scale} (PGA in g): {outcome}" in found
+
+
+def test_a_hazard_adds_the_annual_rate_and_without_one_a_line_explains_it(tmp_path):
+    path = tmp_path / "site.toml"
+    path.write_text(SITE)
+    answer = " ".join(call("assess", str(path)).out.split())
+    assert "The block overturns " in answer
+    path.write_text(SITE.partition("[hazard]")[0])
+    assert f"{HOW_TO}." in " ".join(call("assess", str(path)).out.split())

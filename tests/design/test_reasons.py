@@ -149,3 +149,11 @@ def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8
+
+
+def test_an_unknown_rate_has_its_own_explanation():
+    reason = Reason(
+        kind=ReasonKind.too_little_benefit, value=math.nan, low=math.nan, reference=0.1, measure="rate"
+    )
+    unknown = "change of the rate of overturning is unknown (the runs with or without the pendulum determine"
+    assert unknown in str(reason)

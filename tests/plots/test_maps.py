@@ -12,6 +12,7 @@ from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.design.optimise import Designs
 from tpd.plots.style import new_axes
 from tpd.records.intensity import spectral_acceleration
+from tpd.scene.hazard import Measure
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(
@@ -113,6 +114,8 @@ FRAGILITY = Fragility(
     tuple({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
     None,
     np.zeros((2, 4, 3)),
+    np.arange(4),
+    Measure("PGA", 1.0),
     {},
     None,
 )
