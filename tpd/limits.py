@@ -79,8 +79,8 @@ class Requirements:
     """
 
     at_least: checks.Real = 0.1
-    """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
-    %."""
+    """Smallest reduction of what `reduce` names with which a pendulum is recommended, as a share. The
+    reduction must also be significant at 95 %."""
     reduce: Measure | None = None
     """Measure that must fall: "overturning", the share of runs that overturn, "tilt", the mean tilt, in which
     a run that overturns counts as 1, or "rate", the annual rate of overturning under ground motions of at

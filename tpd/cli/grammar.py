@@ -56,7 +56,7 @@ DESIGN = (
     *_options("bob", "shape"),
     NO_WALLS,
 )
-_REST = "if the block can stay at rest, assume that it does (default: assume the largest stable motion)"
+_REST = "design for a block that starts at rest (default: for the largest stable motion of the block)"
 CONDITIONS = (
     *_options("conditions", "exactly band amplitudes"),
     *_options("search", "risk"),
@@ -218,8 +218,8 @@ def _check(command: Parser) -> None:
     _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)
     engine = command.add_argument_group("rigid-body engine (needs the extra engines)")
     text = (
-        "simulate runs with and without the pendulum in a rigid-body engine with contact and sliding, in "
-        "place of the models of this package. With DESIGN the result is added to its report"
+        "simulate runs with and without the pendulum in a rigid-body engine with contact and sliding, "
+        "instead of the models of this package. With DESIGN the result is added to its report"
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
     _add_number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)

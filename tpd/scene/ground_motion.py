@@ -249,7 +249,7 @@ class Pulse(GroundMotion):
     """Width of the envelope in periods, gamma of Mavroeidis and Papageorgiou; for a train the number of
     periods."""
     phase: Real = 0.0
-    """Phase relative to the middle of the envelope, rad; nu of Mavroeidis and Papageorgiou."""
+    """Phase relative to the middle of the envelope, rad, as in Mavroeidis and Papageorgiou (2003)."""
 
     def __post_init__(self) -> None:
         checks.one_of("kind", self.kind, tuple(PULSES))
