@@ -1,6 +1,6 @@
 """Results of the package with its compiled code interpreted, for another order of the parameters.
 
-    python -m tests.interpreted rho xi e mu nu f k zeta lam
+    python -m tests.interpreted rho xi e mu kappa nu f k zeta lam
 
 prints them as JSON: numbers by name, never by the place of a parameter.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 VALUES = {
     **{"nu": 0.25, "mu": 0.1, "lam": 0.6, "zeta": 0.1, "k": 0.05, "f": 0.4, "xi": 2.5},
-    **{"rho": 0.7, "e": 0.9},
+    **{"rho": 0.7, "e": 0.9, "kappa": 1.3},
 }
 
 

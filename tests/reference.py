@@ -285,6 +285,7 @@ class EventDriven:
         nonlinear: bool = False,
         parametric: bool = False,
         samples: tuple[np.ndarray, float] | None = None,
+        kappa: float = 2.0,
     ) -> None:
         """Equations (25), with the parametric term if `parametric`, or (4) if `nonlinear`.
 
@@ -293,7 +294,7 @@ class EventDriven:
         self.nu, self.mu, self.lam, zeta, self.k, self.f, self.xi = x[:7]
         self.e = x[7] if len(x) > 7 else 1.0
         self.onset, self.growth, self.nonlinear, self.samples = onset, growth, nonlinear, samples
-        self.parametric = parametric
+        self.parametric, self.kappa = parametric, kappa
         self.rho = 3.0 / (4.0 * (1.0 + self.nu**2))
         self.hinge = 2.0 * zeta * np.sqrt(self.lam * self.rho)
         self.knots = [] if samples is None else list(samples[1] * np.arange(1, len(samples[0])))
@@ -345,18 +346,21 @@ class EventDriven:
         """Mass matrix and right-hand sides of both equations without friction, the second over mu lam; `s` is
         the side of the corner about which the block turns."""
         (phi, psi, dphi, dpsi), eta, nu, mu, rho = y, self._shaking(t), self.nu, self.mu, self.rho
-        slide, up, weight, lam = self.hinge * (dphi - dpsi), 1.0 + 2.0 * mu, (1.0 + mu) * nu, self.lam
+        high, slide, weight, lam = self.kappa, self.hinge * (dphi - dpsi), (1.0 + mu) * nu, self.lam
+        up = 1.0 + high * mu
         if not self.nonlinear:
-            arm, block, bob = 2.0, up * (phi - eta) - s * weight, eta - psi
+            arm, block, bob = high, up * (phi - eta) - s * weight, eta - psi
             block -= s * eta * weight * phi if self.parametric else 0.0
         else:
             # Lagrange's equations of T = a phi'^2/2 - mu rho lam arm phi' psi' + mu rho lam^2 psi'^2/2.
-            arm = 2.0 * np.cos(phi - psi) + s * nu * np.sin(phi - psi)
-            bend = s * nu * np.cos(phi - psi) - 2.0 * np.sin(phi - psi)
+            arm = high * np.cos(phi - psi) + s * nu * np.sin(phi - psi)
+            bend = s * nu * np.cos(phi - psi) - high * np.sin(phi - psi)
             block = up * np.sin(phi) - s * weight * np.cos(phi) - mu * rho * lam * bend * dpsi**2
             block -= eta * (up * np.cos(phi) + s * weight * np.sin(phi))
             bob = eta * np.cos(psi) - np.sin(psi) + rho * bend * dphi**2
-        mass = np.array([[1.0 + mu * rho * (4.0 + nu**2), -mu * rho * lam * arm], [-rho * arm, lam * rho]])
+        mass = np.array(
+            [[1.0 + mu * rho * (high**2 + nu**2), -mu * rho * lam * arm], [-rho * arm, lam * rho]]
+        )
         return mass, np.array([block - mu * lam * slide, bob + slide])
 
     def _slip(self, t: float, y: np.ndarray, s: float, sigma: float) -> np.ndarray:
@@ -429,9 +433,10 @@ class EventDriven:
             after = 0.0
         # The rod pulls along itself only: the bob keeps its speed across.
         if not self.nonlinear:
-            y[3] += 2.0 / self.lam * (after - before)
+            y[3] += self.kappa / self.lam * (after - before)
         elif after != before:
-            turned = 2.0 * np.cos(y[1]) * (after - before) + s * self.nu * np.sin(y[1]) * (after + before)
+            turned = self.kappa * np.cos(y[1]) * (after - before)
+            turned += s * self.nu * np.sin(y[1]) * (after + before)
             y[3] += turned / self.lam
         y[2] = after
         return y, self._mode(t, y)
@@ -439,7 +444,7 @@ class EventDriven:
     def _ratio(self, psi: float, s: float) -> float:
         """phi' after an impact with the bob at an angle over that before: the angular momentum about the
         corner that is struck stays, but for a loss that makes the ratio e with the bob below its hinge."""
-        new, old = (2.0 * np.sin(psi) - way * self.nu * np.cos(psi) for way in (s, -s))
+        new, old = (self.kappa * np.sin(psi) - way * self.nu * np.cos(psi) for way in (s, -s))
         share, loss = self.mu * self.rho, self.rho * self.mu * self.nu**2
         ratio = (self.e * (1.0 + loss) + loss + share * new * old) / (1.0 + share * new**2)
         # At the most the impact conserves the energy.

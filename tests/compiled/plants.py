@@ -22,7 +22,8 @@ def _put(x, plants):
 def _numbers(x):
     """Rows of the kernels, from those of `tests.reference` with seven or, with e, eight parameters."""
     named = dict(zip(NAMES, x.T, strict=False))
-    values = {"rho": 0.75 / (1.0 + named["nu"] ** 2), "e": np.ones(len(x)), **named}
+    ones = np.ones(len(x))
+    values = {"rho": 0.75 / (1.0 + named["nu"] ** 2), "e": ones, "kappa": 2.0 * ones, **named}
     return np.column_stack([values[name] for name in parameters.NAMES])
 
 

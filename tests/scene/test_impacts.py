@@ -83,38 +83,40 @@ def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho)
     assert housner(nu, rho) == pytest.approx(struck(nu, rho), rel=1e-14)
 
 
+@pytest.mark.parametrize("kappa", [0.7, 2.0, 3.1])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("psi", [-1.2, 0.0, 0.3, 2.0])
-def test_the_bob_along_its_rod_takes_part_in_an_impact(side, psi):
+def test_the_bob_along_its_rod_takes_part_in_an_impact(side, psi, kappa):
     nu, mu, lam, rho, e, sine, cosine = 0.23, 0.17, 0.6, 0.68, 0.8, np.sin(psi), np.cos(psi)
-    after, before, share = 2 * sine - side * nu * cosine, 2 * sine + side * nu * cosine, mu * rho
+    after, before, share = kappa * sine - side * nu * cosine, kappa * sine + side * nu * cosine, mu * rho
     kept = e * (1 + share * nu**2) + share * nu**2
-    law = e, nu, mu, lam, rho, side, sine, cosine
+    law = e, nu, mu, lam, rho, kappa, side, sine, cosine
     ratio = impacts.velocity_ratio(*law)
     assert ratio == pytest.approx((kept + share * after * before) / (1 + share * after**2), rel=1e-13)
-    change = (2 * cosine * (ratio - 1) + side * nu * sine * (ratio + 1)) / lam
+    change = (kappa * cosine * (ratio - 1) + side * nu * sine * (ratio + 1)) / lam
     assert impacts.bob_change(ratio, *law) == pytest.approx(change, rel=1e-12)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("psi", [-1.2, 0.3, 2.0])
-def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side, psi):
+@pytest.mark.parametrize("kappa", [0.7, 2.0, 3.1])
+def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side, psi, kappa):
     nu, mu, lam, rho, swing = 0.3, 0.4, 0.5, 0.7, 0.8
     sine, cosine = np.sin(psi), np.cos(psi)
 
     def speeds(rate, swing, foot):
-        """Of the bob along the rod and across it: the hinge moves at -2 to the side and foot nu upwards."""
-        x, z = -2 * rate + lam * cosine * swing, foot * nu * rate + lam * sine * swing
+        """Of the bob along the rod and across it: the hinge moves at -kappa to the side and foot nu upwards."""
+        x, z = -kappa * rate + lam * cosine * swing, foot * nu * rate + lam * sine * swing
         return x * sine - z * cosine, x * cosine + z * sine
 
     along, across = speeds(1.0, swing, side)
     before = 1.0 / rho + mu * (along**2 + across**2)
     for e in (0.2, 0.8, 0.97, 0.9999):
-        law = e, nu, mu, lam, rho, side, sine, cosine
+        law = e, nu, mu, lam, rho, kappa, side, sine, cosine
         ratio = impacts.velocity_ratio(*law)
         along, after = speeds(ratio, swing + impacts.bob_change(ratio, *law), -side)
         assert after == pytest.approx(across, abs=1e-14)
         assert ratio**2 / rho + mu * (along**2 + after**2) <= before * (1 + 1e-14)
     # Without loss nothing happens at all.
-    law = 1.0, nu, mu, lam, rho, side, sine, cosine
+    law = 1.0, nu, mu, lam, rho, kappa, side, sine, cosine
     assert (impacts.velocity_ratio(*law), impacts.bob_change(1.0, *law)) == (1.0, 0.0)

@@ -308,3 +308,25 @@ def test_parts_are_compared_and_hashed_as_plain_numbers():
     whole = Block(width=1, height=4, mass=100, friction=0)
     assert all(type(x) is float for x in jax.tree.leaves(whole))
     assert jax.tree.map(lambda x: x, TIED) == TIED
+
+
+def test_the_hinge_is_at_the_top_unless_its_height_is_stated():
+    scene, sizes = paper_scene(), {"mass_ratio": 0.1, "length_ratio": 0.5, "damping_ratio": 0.1}
+    assert scene.parameters(scene.pendulum(**sizes)).kappa == 2.0
+    for height, kappa in ((0.4, 2.0), (0.2, 1.0), (0.5, 2.5)):
+        at = scene.parameters(scene.pendulum(**sizes, hinge_height=height))
+        assert (at.kappa, at.lam, at.mu) == (pytest.approx(kappa, rel=1e-15), 0.5, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("height", "match"),
+    [
+        (0.0, "`hinge_height` must be .* but is 0"),
+        (0.81, "`pendulum.hinge_height` must be at most 0.8, twice the height of the block, but is 0.81"),
+        (0.09, "`length` must be at most 0.09, the height of the hinge, because the bob would hang below"),
+    ],
+)
+def test_a_hinge_below_the_base_or_above_twice_the_height_or_too_low_for_its_rod_is_refused(height, match):
+    scene = paper_scene()
+    with pytest.raises(ValueError, match=match):
+        scene.parameters(Pendulum(mass=1.0, length=0.1, damping_ratio=0.1, hinge_height=height))

@@ -18,12 +18,13 @@ from tpd.compiled.contact_kernel import moment as moment_of
 from tpd.scene import impacts
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
-NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = SYMBOLS = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)
+NAMES = "nu mu lam rho f xi k c_p kappa tau"
+NU, MU, LAM, RHO, F, XI, K, HINGE, KAPPA, TAU = SYMBOLS = sp.symbols(NAMES, positive=True)
 Q = sp.symbols("phi psi")
 V = sp.symbols("dphi dpsi")
 A = sp.symbols("ddphi ddpsi")
 SIGNS = (1, -1)
-P = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.15, k=0.04, f=0.3, xi=2.3, rho=0.68)
+P = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.15, k=0.04, f=0.3, xi=2.3, rho=0.68, kappa=1.3)
 
 
 @cache
@@ -35,7 +36,7 @@ def lagrange(s):
     base = sp.Matrix([F / (XI * omega0) ** 2 * sp.sin(XI * TAU), 0])
     turn = sp.Matrix([[sp.cos(phi), -sp.sin(phi)], [sp.sin(phi), sp.cos(phi)]])
     centre = base + turn @ sp.Matrix([s * NU, 1])
-    bob = base + turn @ sp.Matrix([s * NU, 2]) + LAM * sp.Matrix([sp.sin(psi), -sp.cos(psi)])
+    bob = base + turn @ sp.Matrix([s * NU, KAPPA]) + LAM * sp.Matrix([sp.sin(psi), -sp.cos(psi)])
     block2, bob2 = (RHO * (r.diff(TAU).T @ r.diff(TAU))[0] for r in (centre, bob))
     gyration2 = 1 / RHO - 1 - NU**2
     kinetic = (block2 + gyration2 * RHO * phi.diff(TAU) ** 2 + MU * bob2) / 2
@@ -64,19 +65,19 @@ def parametric(s):
 
 
 def numbers(p=P):
-    values = (p.nu, p.mu, p.lam, p.inertia_ratio, p.f, p.xi, p.k, float(p.hinge))
-    return dict(zip((NU, MU, LAM, RHO, F, XI, K, HINGE), values, strict=True))
+    values = (p.nu, p.mu, p.lam, p.inertia_ratio, p.f, p.xi, p.k, float(p.hinge), p.kappa)
+    return dict(zip(SYMBOLS[:-1], values, strict=True))
 
 
 @pytest.mark.parametrize("s", SIGNS)
 def test_the_lagrangian_gives_equations_4(s):
     phi, psi = Q
     sine, c = F * sp.sin(XI * TAU), sp.cos(phi - psi)
-    big_s = s * NU * sp.sin(phi - psi) + 2 * c
-    big_c = s * NU * c - 2 * sp.sin(phi - psi)
-    block = (1 + MU * RHO * (4 + NU**2)) * A[0] - MU * RHO * LAM * (big_s * A[1] - big_c * V[1] ** 2)
-    block += sine * (s * (1 + MU) * NU * sp.sin(phi) + (1 + 2 * MU) * sp.cos(phi))
-    block += s * (1 + MU) * NU * sp.cos(phi) - (1 + 2 * MU) * sp.sin(phi)
+    big_s = s * NU * sp.sin(phi - psi) + KAPPA * c
+    big_c = s * NU * c - KAPPA * sp.sin(phi - psi)
+    block = (1 + MU * RHO * (KAPPA**2 + NU**2)) * A[0] - MU * RHO * LAM * (big_s * A[1] - big_c * V[1] ** 2)
+    block += sine * (s * (1 + MU) * NU * sp.sin(phi) + (1 + KAPPA * MU) * sp.cos(phi))
+    block += s * (1 + MU) * NU * sp.cos(phi) - (1 + KAPPA * MU) * sp.sin(phi)
     bob = RHO * (LAM * A[1] - big_s * A[0] - big_c * V[0] ** 2) - sine * sp.cos(psi) + sp.sin(psi)
     for derived, printed in zip(lagrange(s), (block, bob), strict=True):
         assert sp.simplify(sp.expand(sp.expand_trig(derived - printed))) == 0
@@ -185,9 +186,9 @@ def test_energy_is_lost_to_the_hinge_and_to_the_contact_alone(s):
 
 @pytest.mark.parametrize("e", [1.0, 0.8])
 def test_the_smoothed_loss_of_a_crossing_is_that_of_an_impact(e):
-    p, width = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.1, k=0.0, f=0.0, xi=2.3, e=e), 0.01
+    p, width = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.1, k=0.0, f=0.0, xi=2.3, e=e, kappa=1.3), 0.01
     ratio, across = (
-        impacts.linear_ratio(*(law := (p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio))),
+        impacts.linear_ratio(*(law := (p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa))),
         0.3,
     )
     tilts = np.linspace(-20.0 * width, 20.0 * width, 4001)

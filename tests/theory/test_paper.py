@@ -17,7 +17,7 @@ from tests.theory.test_equations import SIGNS, SYMBOLS, A, Q, V, lagrange, linea
 from tpd import Parameters
 from tpd.theory import free_motion, paper, parametric_branches
 
-NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = SYMBOLS
+NU, MU, LAM, RHO, F, XI, K, HINGE, KAPPA, TAU = SYMBOLS
 PHI, PSI = sp.symbols("Phi Psi", real=True)
 T, AMPLITUDE, GAMMA, THETA = sp.symbols("t Phi gamma theta", real=True)
 EIGHT_THIRDS = sp.Rational(8, 3)
@@ -30,7 +30,7 @@ def same(x, y):
 
 def frictionless(s):
     """(25) as it follows from the Lagrangian, parametric term and all."""
-    return [row.subs({K: 0, HINGE: 0}) for row in linearised(s)]
+    return [row.subs({K: 0, HINGE: 0, KAPPA: 2}) for row in linearised(s)]
 
 
 def galerkin(expression, weight):

@@ -166,10 +166,10 @@ def _is_same_motion(steady: Steady, reached: Run) -> bool:
 def _neglected_at_rest(p: Parameters, reach: Number) -> Number:
     """Return the share of the moment on a block at rest that the terms neglected from (4) contribute.
 
-    The bob swings up to `reach` (rad). The terms are nu/2 psi, from S = 2 cos psi -+ nu sin psi, and terms of
+    The bob swings up to `reach` (rad). The terms are nu/kappa psi, from S = kappa cos psi -+ nu sin psi, and terms of
     second order.
     """
-    return 0.5 * p.nu * reach + reach**2
+    return p.nu / p.kappa * reach + reach**2
 
 
 def estimated_error(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
@@ -179,7 +179,7 @@ def estimated_error(p: Parameters, phi: Number, psi: Number, slope: Any) -> Numb
     share exceeds the uplift margin.
 
     The moment of the weight changes by the shares f phi (the parametric term) and phi^2/2, the forcing by
-    (phi^2 + psi^2)/2, the restoring moment of the bob by psi^2/6, the coupling by nu (phi + psi)/2 and
+    (phi^2 + psi^2)/2, the restoring moment of the bob by psi^2/6, the coupling by nu (phi + psi)/kappa and
     (phi + psi)^2/2, and e by the impulse of a bob at +-psi.
 
     Args:
@@ -191,8 +191,8 @@ def estimated_error(p: Parameters, phi: Number, psi: Number, slope: Any) -> Numb
     # The block does not feel a bob without mass.
     felt = psi * (p.mu > 0)
     angle = phi + felt
-    coupling = 0.5 * p.nu * angle + 0.5 * angle**2
-    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
+    coupling = p.nu / p.kappa * angle + 0.5 * angle**2
+    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa
     ratios = [velocity_ratio(*law, side, jnp.sin(felt), jnp.cos(felt)) for side in (1.0, -1.0)]
     impacts = jnp.maximum(*[jnp.abs(e - linear_ratio(*law)) for e in ratios])
     # The signs of the parts are unknown, so that their sizes are added.

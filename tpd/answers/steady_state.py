@@ -301,15 +301,21 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     solve = partial(model.__class__.solve_steady, model)
     x, traced = primal(values), [i for i, x in enumerate(values) if not checks.is_concrete(x)]
     if not traced:
-        answer, _ = solve(x, False)
+        answer, _ = solve(x, 0)
     elif isinstance(x, np.ndarray):
         # JAX differentiates with respect to known numbers.
-        answer = _joined(values, *solve(x, True))
+        answer = _joined(values, *solve(x, _needed(traced)))
     else:
         answer = _traced(values, traced, solve)
     # The object is built from its leaves, because its fields are annotated as JAX arrays, and known numbers
     # are NumPy numbers.
     return jax.tree.unflatten(_structure(), answer)
+
+
+def _needed(traced: list[int]) -> int:
+    """Return the number of parameters, from the first on, whose slopes are needed. The last one, the height of
+    the hinge, rarely is."""
+    return WIDTH if WIDTH - 1 in traced else WIDTH - 1
 
 
 def _traced(values: tuple, traced: list[int], solve: Callable[..., Any]) -> SteadyNumbers:
@@ -321,12 +327,12 @@ def _traced(values: tuple, traced: list[int], solve: Callable[..., Any]) -> Stea
 
     @jax.custom_jvp
     def settled(*inputs: Any) -> SteadyNumbers:
-        answer, _ = solve(primal(with_inputs(inputs)), False)
+        answer, _ = solve(primal(with_inputs(inputs)), 0)
         return answer
 
     @settled.defjvp
     def _(inputs: tuple, directions: tuple) -> tuple[SteadyNumbers, SteadyNumbers]:
-        answer, slopes = solve(primal(with_inputs(inputs)), True)
+        answer, slopes = solve(primal(with_inputs(inputs)), _needed(traced))
         return jax.jvp(lambda *x: _joined(with_inputs(x), answer, slopes), inputs, directions)
 
     return settled(*(jnp.asarray(values[i], dtype=jnp.float64) for i in traced))

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.compiled.calling import ORBITS as ENGINE
 from tpd.compiled.calling import parts
-from tpd.compiled.columns import ASKED, ORBIT_STATUSES, SIZES
+from tpd.compiled.columns import ASKED, ORBIT_STATUSES, SIZES, WIDTH
 from tpd.compiled.derivatives import moved, once
 from tpd.compiled.orbits import slopes, solve_orbits, solved
 from tpd.compiled.rows import row_of
@@ -133,11 +133,11 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     """
     check_parameters(p)
     x = row_of(p)
-    if x.size > 9:
+    if x.size > WIDTH:
         # A batch is an error here, because its orbits need the loop over several cores below.
         call = "`jax.vmap(tpd.symmetric_orbits)(p)` or `tpd.in_chunks(tpd.symmetric_orbits, p)`"
         raise ValueError(f"`p` must be single numbers, but is a batch: call {call}")
-    x = x.reshape(9)
+    x = x.reshape(WIDTH)
     # Known numbers have no derivatives. JAX would take longer to prepare derivatives than the solution takes.
     return _orbits(_fields(solved(x)) if isinstance(x, np.ndarray) else _numbers_and_fields(x)[1])
 
@@ -187,7 +187,7 @@ def _fields(numbers: Any) -> dict[str, Any]:
 
 
 @jax.custom_jvp
-def _numbers_and_fields(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
+def _numbers_and_fields(x: Float[Array | np.ndarray, "10"]) -> tuple[Any, dict[str, Any]]:
     """Return the orbits of a design as numbers, and their fields. Only the fields have derivatives."""
     numbers = solved(x)
     return numbers, _fields(numbers)

@@ -13,7 +13,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Float, Int
 
-from tpd.compiled.columns import GRAZING
+from tpd.compiled.columns import GRAZING, WIDTH
 from tpd.compiled.derivatives import refused
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, Run, follow
@@ -239,5 +239,7 @@ def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most:
     # Only `Nonlinear` has settings here. The exact solution has its own rate of rest under a ground motion.
     if isinstance(model, Nonlinear):
         limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
+    # The height of the hinge is the last parameter, and is known unless it is differentiated.
+    limits["parameters"] = WIDTH - 1 if checks.is_concrete(p.kappa) else WIDTH
     row, forcing = ground_row_of(p), GroundForcing([pieces], free)
     return follow(model.equations, row, forcing, y0=start, **limits)

@@ -22,7 +22,7 @@ TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
 APART = 2
 """Index of the third angle psi - phi, after TILT and SWING."""
 NU, MU, LAM, ZETA = map(NAMES.index, ("nu", "mu", "lam", "zeta"))
-K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
+K, F, XI, RHO, E, KAPPA = map(NAMES.index, ("k", "f", "xi", "rho", "e", "kappa"))
 """Columns of the parameters in a row."""
 WIDTH = len(NAMES)
 """Number of parameters."""

@@ -23,7 +23,7 @@ def moment(q, y0, y1, y3, eta):
     """Return the moment R on a block that is held still (phi' = 0), divided by M g b.
 
     The block stays held while friction and weight balance R. Row 1 of (25) contains psi'', which row 2 gives
-    for phi'' = 0. So f (1 + 2 mu) becomes f, because the bob's share of the forcing accelerates the bob.
+    for phi'' = 0. So f (1 + kappa mu) becomes f, because the bob's share of the forcing accelerates the bob.
     """
     return q.up * y0 - q.f * eta - (q.up - 1.0) * y1 + q.bias * y3
 
@@ -31,7 +31,7 @@ def moment(q, y0, y1, y3, eta):
 @compiled
 def ratio(q):
     """Return the ratio of phi' after and before an impact, for the linear equations."""
-    return linear_ratio(q.e, q.nu, q.mu, q.lam, q.m22 / q.lam)
+    return linear_ratio(q.e, q.nu, q.mu, q.lam, q.m22 / q.lam, q.kappa)
 
 
 @compiled
@@ -40,7 +40,7 @@ def jump(q, share):
 
     `share` is the ratio of phi' after and before the impact.
     """
-    return share - 1.0, linear_bob_change(share, q.e, q.nu, q.mu, q.lam, q.m22 / q.lam)
+    return share - 1.0, linear_bob_change(share, q.e, q.nu, q.mu, q.lam, q.m22 / q.lam, q.kappa)
 
 
 @compiled

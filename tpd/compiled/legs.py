@@ -22,7 +22,18 @@ from tpd.compiled.arcs import (
     span_of,
     state_at,
 )
-from tpd.compiled.columns import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
+from tpd.compiled.columns import (
+    REST,
+    SLIP,
+    STICK,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+    WIDTH,
+)
 from tpd.compiled.contact_kernel import hold_margin, jump, moment, rates_after_impact, ratio
 from tpd.compiled.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
 from tpd.compiled.motion import WHOLE, angle_of, copy_to, larger_side
@@ -31,9 +42,9 @@ from tpd.compiled.plant import COMPLEX_PLANT, STEP, compiled, part, places
 _KINDS = float(SLIP), float(STICK)
 """Modes of the maps of whole pieces, for the slipping and for the held block. A block that sticks and one at
 rest have the same map."""
-INPUTS = np.int64(13)
-"""Number of directions of the derivatives: nine parameters and four components of the initial state."""
-STATE, _BEGINNING = np.int64(9), np.int64(-1)
+INPUTS = np.int64(WIDTH + 4)
+"""Number of directions of the derivatives: the parameters and four components of the initial state."""
+STATE, _BEGINNING = np.int64(WIDTH), np.int64(-1)
 """Index of the first direction of the initial state; and the index that stands for the start of the run in
 `peak_legs`."""
 OF_END, OF_GROWING, OF_TIMES, OF_UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 12))
@@ -42,7 +53,7 @@ end, the growing coordinate, the three times, and the time of the first uplift. 
 of rows."""
 _TIME = np.int64(4)
 """Index of the local time at the start of a leg, after the state."""
-_COEFFICIENTS, _ALL = np.int64(14), np.int64(18)
+_COEFFICIENTS, _ALL = np.int64(WIDTH + 5), np.int64(WIDTH + 9)
 """Index of the first direction of a coefficient of the forcing, and the number of all directions."""
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 """Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
@@ -62,12 +73,12 @@ coordinate at the start of the last leg (1), the times of the six angles (6), an
 """
 READER = np.dtype(
     [
-        ("plants", COMPLEX_PLANT, (10,)),
-        ("dy", np.float64, (4, 18)),
-        ("shift", np.float64, (18,)),
+        ("plants", COMPLEX_PLANT, (WIDTH + 1,)),
+        ("dy", np.float64, (4, int(_ALL))),
+        ("shift", np.float64, (int(_ALL),)),
         ("now", np.float64, (6,)),
         ("maps", np.float64, (2, 4, 8)),
-        ("slopes", np.float64, (2, 4, 8, 13)),
+        ("slopes", np.float64, (2, 4, 8, int(INPUTS))),
         ("has_map", np.int64, (2,)),
     ],
     align=True,

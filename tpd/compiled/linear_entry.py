@@ -34,6 +34,7 @@ from tpd.compiled.legs import (
     OF_UPLIFT,
     OUTPUTS,
     ROWS,
+    STATE,
     STATES,
     TIMES,
     UPLIFT,
@@ -157,7 +158,7 @@ def _follow_ground(a, first, last, history, buffers):
             inputs = int(s[n].slopes)
             # Derivatives that do not exist are never written, and must be NaN.
             table[:] = math.nan
-            fill_plants(x[n], r.plants)
+            fill_plants(x[n], min(inputs, STATE), r.plants)
             out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
             _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
             if s[n].samples != 0.0:

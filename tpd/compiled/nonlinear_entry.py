@@ -96,10 +96,10 @@ _NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
 @compiled
 def _excess(q, y, side, eta):
     """Return the moment on a held block minus the moment of its weight."""
-    phi, psi, rate, pull, weight = y[TILT], y[SWING], y[SWING_RATE], -0.5 * q.m12, side * q.weight
+    phi, psi, rate, pull, weight = y[TILT], y[SWING], y[SWING_RATE], -q.m12 / q.kappa, side * q.weight
     sp, cp, relative = math.sin(phi), math.cos(phi), phi - psi
-    big_s = side * q.nu * math.sin(relative) + 2.0 * math.cos(relative)
-    big_c = side * q.nu * math.cos(relative) - 2.0 * math.sin(relative)
+    big_s = side * q.nu * math.sin(relative) + q.kappa * math.cos(relative)
+    big_c = side * q.nu * math.cos(relative) - q.kappa * math.sin(relative)
     # Acceleration of the bob under a held block, from row 2 of (4).
     swing = (q.f * math.cos(psi) * eta - math.sin(psi) - q.c2 * rate) / q.m22
     on_block = q.up * sp - weight * cp - q.f * eta * (weight * sp + q.up * cp)
@@ -148,15 +148,15 @@ def _first_event(q, m, order, h, c):
 @compiled
 def _land(q, m, capture, eta):
     """Change the rates and the mode at the impact of a block that lands."""
-    y, rho, before, side = m.y, -0.5 * q.m21, m.y[TILT_RATE], m.tilt
+    y, rho, before, side = m.y, -q.m21 / q.kappa, m.y[TILT_RATE], m.tilt
     sine, cosine = math.sin(y[SWING]), math.cos(y[SWING])
-    ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, side, sine, cosine)
+    ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, q.kappa, side, sine, cosine)
     # A slow impact on a block that can be held is the end of a rattle: no rate remains.
     if abs(ratio * before) <= capture:
         decide(q, y, 0.0, 0.0, eta, m)
         if m.kind == REST:
             ratio = 0.0
-    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, side, sine, cosine) * before
+    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, q.kappa, side, sine, cosine) * before
     y[TILT_RATE] = after = ratio * before
     decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
 

@@ -113,13 +113,14 @@ def _expand_slipping(q, m, remaining, w):
 
     This is the largest order, or a smaller one that is sufficient for the time `remaining`.
     """
-    c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
+    c, pull, rho = w.series, -q.m12 / q.kappa, -q.m21 / q.kappa
+    weight, lever, high = m.tilt * q.weight, m.tilt * q.nu, q.kappa
     phi, psi = c[PHI, VALUE], c[PSI, VALUE]
     sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
-    c[_S, VALUE], c[_C, VALUE] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
+    c[_S, VALUE], c[_C, VALUE] = lever * sine + high * cosine, lever * cosine - high * sine
     still, whole, product = -m.direction * q.k, q.m11 * q.m22, pull * rho
     # Each pass adds one order to all rows. The sums are products of series (Cauchy products).
     by_det, power, former = 0.0, 1.0, 1.0
@@ -192,7 +193,7 @@ def _expand_held(q, m, remaining, w):
     sp, cp = math.sin(c[PHI, VALUE]), math.cos(c[PHI, VALUE])
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     c[_SIN, VALUE], c[_COS, VALUE] = math.sin(c[PSI, VALUE]), math.cos(c[PSI, VALUE])
-    hold, pull, power, former = q.k + q.slack, -0.5 * q.m12, 1.0, 1.0
+    hold, pull, power, former = q.k + q.slack, -q.m12 / q.kappa, 1.0, 1.0
     for n in range(w.order + 1):
         gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
         for j in range(n + 1):
@@ -212,7 +213,7 @@ def _expand_held(q, m, remaining, w):
         # sin(phi - psi) and cos(phi - psi) times the bob's acceleration and the square of its rate.
         along = sp * ca - cp * sa - cp * crr - sp * srr
         across = cp * ca + sp * sa + sp * crr - cp * srr
-        bob, one = q.c1 * c[R, n] + 2.0 * pull * across, 1.0 if n == 0 else 0.0
+        bob, one = q.c1 * c[R, n] + q.kappa * pull * across, 1.0 if n == 0 else 0.0
         on_block = q.up * (one * sp - c[FORCE, n] * cp) + bob
         of_side = pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
         c[UP, n] = one * hold - on_block - up * of_side

@@ -40,7 +40,7 @@ def solve_orbits(
     """Return the symmetric orbits of many designs.
 
     Args:
-        x: parameters of the designs, shape (n, 9).
+        x: parameters of the designs, shape (n, 10).
         workers: number of threads, by default one for each core.
         progress: function that is called from time to time with (designs done, number of designs).
 
@@ -60,9 +60,9 @@ def solve_orbits(
 def orbit_slopes(
     x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, group: tuple[int, int]
 ) -> np.ndarray:
-    """Return the derivatives of the sizes of orbits (n, m) of many designs `x` (n, 9).
+    """Return the derivatives of the sizes of orbits (n, m) of many designs `x` (n, 10).
 
-    The derivatives are those in `directions` (n, d, 9) of the parameters.
+    The derivatives are those in `directions` (n, d, 10) of the parameters.
 
     The result has shape (n, m, d, sizes). Derivatives that do not exist are NaN, and so are those of sizes
     outside of the `group` (first index, index after the last).
@@ -80,7 +80,7 @@ def orbit_slopes(
 
 
 def solved(x: Any) -> Any:
-    """Return the orbits of the design `x` (9,), which JAX may trace, as numbers of shape (3, n)."""
+    """Return the orbits of the design `x` (10,), which JAX may trace, as numbers of shape (3, n)."""
     entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
     (out,) = call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)
     return out
@@ -89,7 +89,7 @@ def solved(x: Any) -> Any:
 def slopes(x: Any, orbits: Any, group: tuple[int, int]) -> Any:
     """Return the derivatives of the sizes of the orbits from `solved` in all parameters.
 
-    The result has shape (3, 9, sizes).
+    The result has shape (3, 10, sizes).
 
     `group` is the group of sizes, see `orbit_slopes`.
     """
@@ -110,7 +110,7 @@ class Vanishing(NamedTuple):
     by_u: np.ndarray
     """Derivatives in u, shape (7, 3)."""
     by_x: np.ndarray
-    """Derivatives in the parameters, shape (7, 9)."""
+    """Derivatives in the parameters, shape (7, 10)."""
 
 
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:

@@ -23,7 +23,7 @@ import numba
 import numba.extending
 import numpy as np
 
-from tpd.compiled.columns import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
+from tpd.compiled.columns import KAPPA, LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
 from tpd.core.machine_code import PIPELINE
 from tpd.scene import impacts
 
@@ -36,14 +36,14 @@ Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic moti
 normal number.
 """
 _FIELDS = (
-    "nu mu lam zeta k f xi e slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
+    "nu mu lam zeta k f xi e kappa slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
 """Fields of a plant.
 
-- `nu` to `e`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another forcing
+- `nu` to `kappa`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another forcing
   (`tpd.compiled.arcs.Forcing`).
 - `slack`: a held block is released if the moment on it exceeds the holding moment by more than this; 0 under
   a harmonic.
@@ -246,23 +246,25 @@ def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
 @compiled
 def coefficients(x, q):
     """Write the coefficients that the linear and the nonlinear equations share into a plant."""
-    nu, mu, lam, zeta, k, f, xi, rho, e = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F], x[XI], x[RHO], x[E]
+    nu, mu, lam, zeta, k, f = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F]
+    xi, rho, e, kappa = x[XI], x[RHO], x[E], x[KAPPA]
     hinge = 2.0 * zeta * np.sqrt(lam * rho)
-    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
-    q.up, q.weight, q.bias = 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
-    q.m11, q.m12 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam
-    q.m21, q.m22, q.c1, q.c2 = -2.0 * rho, lam * rho, mu * lam * hinge, hinge
+    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi = nu, mu, lam, zeta, k, f, xi
+    q.e, q.kappa, q.slack = e, kappa, 0.0 * k
+    q.up, q.weight, q.bias = 1.0 + kappa * mu, (1.0 + mu) * nu, mu * hinge * (lam - kappa)
+    q.m11, q.m12 = 1.0 + mu * rho * (kappa * kappa + nu * nu), -kappa * mu * rho * lam
+    q.m21, q.m22, q.c1, q.c2 = -kappa * rho, lam * rho, mu * lam * hinge, hinge
 
 
 @compiled
 def plant(x, q):
     """Fill a plant with the numbers that follow from a row of parameters."""
     coefficients(x, q)
-    nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
+    nu, mu, lam, f, xi, rho, kappa = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO], x[KAPPA]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
     # Coefficients of the characteristic quartic.
     d = 1.0 + mu * rho * nu * nu
-    a4, a3 = lam * rho * d, c2 * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
+    a4, a3 = lam * rho * d, c2 * (d + mu * rho * (kappa - lam) * (kappa - lam))
     a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22
@@ -289,7 +291,9 @@ def plant_along(x, j, q):
 
 
 @compiled
-def fill_plants(x, plants):
-    """Fill the complex plants: one for each parameter, and a last one for all other directions."""
-    for j in range(WIDTH + 1):
+def fill_plants(x, count, plants):
+    """Fill the complex plants: one for each of the first parameters, and the last for all other
+    directions."""
+    for j in range(count):
         plant_along(x, j, plants[j])
+    plant_along(x, WIDTH, plants[WIDTH])

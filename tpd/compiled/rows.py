@@ -14,7 +14,7 @@ from tpd.scene.parameters import Parameters, unchecked
 
 
 def row_of(p: Parameters) -> Any:
-    """Return the row of one set of parameters, or the rows of many, shape (..., 9).
+    """Return the row of one set of parameters, or the rows of many, shape (..., 10).
 
     The result is a NumPy array, or a JAX array if JAX traces one of the numbers.
 

@@ -162,6 +162,7 @@ def follow(
     tolerance: Any = TOLERANCE,
     rtol: Any = 1e-8,
     brief: bool = False,
+    parameters: int = WIDTH,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Run:
@@ -170,7 +171,7 @@ def follow(
     Args:
         equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN). There every
             landing is an impact, and a run that does not repeat is `not_settled`.
-        rows: parameters as in `tpd.compiled.rows`, shape (9,) for one run, or (n, 9) for a batch. JAX may
+        rows: parameters as in `tpd.compiled.rows`, shape (10,) for one run, or (n, 10) for a batch. JAX may
             trace the parameters of one run.
         forcing: a harmonic or ground motions.
         y0: initial states (4,) or (n, 4). The default is at rest. With (n, 4) a single row of parameters
@@ -184,6 +185,8 @@ def follow(
         rtol: relative tolerance of a step of the nonlinear equations.
         brief: whether free motion after a ground motion may end as soon as it cannot tilt the block further.
             Then only tilt, uplift and overturning are valid. This option is for the linear equations.
+        parameters: number of parameters with derivatives in a traced run under a ground motion. The last one,
+            the height of the hinge, is rarely needed, and every derivative costs time.
         workers: number of threads for a batch, by default one for each core.
         progress: function that is called from time to time with (runs done, number of runs), for a batch.
 
@@ -223,14 +226,14 @@ def follow(
     # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
     if isinstance(forcing, GroundForcing):
-        return _trace_ground_run(engine, rows, start, forcing, limits)
+        return _trace_ground_run(engine, rows, start, forcing, limits, parameters)
     settings, times = packed(engine.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
     (out,) = engine((shape(numbers_in(RUN)),), settings, stop_gradient(rows), stop_gradient(start), times)
     return run_of(out)
 
 
 class _Batch(NamedTuple):
-    """Initial states (n, 4) and parameters (n, 9) of runs, and how the runs are shared among threads."""
+    """Initial states (n, 4) and parameters (n, 10) of runs, and how the runs are shared among threads."""
 
     starts: np.ndarray
     rows: np.ndarray
@@ -293,7 +296,7 @@ def _run_under_motions(
 
 
 def _trace_ground_run(
-    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]
+    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any], parameters: int
 ) -> Run:
     """Simulate one run under a ground motion, which JAX may trace."""
     (pieces,) = forcing.records
@@ -301,7 +304,7 @@ def _trace_ground_run(
     # The equations contain minus the acceleration of the base.
     operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
     if engine is LINEAR:
-        (*angles,), end, (*at, lifted, fell), out = _ground_run(*operands)
+        (*angles,), end, (*at, lifted, fell), out = _ground_run(*operands, parameters)
         names = ("tilt", "swing", "rod_angle")
         with_slopes = dict(zip((*names, *(f"settled_{name}" for name in names)), 2 * angles, strict=True))
         with_slopes |= {"times": jnp.stack(at), "uplift_time": lifted, "overturning_time": fell}
@@ -319,18 +322,18 @@ Limits = tuple[tuple[str, float | int], ...]
 """Settings of `solve_steady` as pairs of name and value."""
 
 
-def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: bool) -> tuple[SteadyNumbers, Any]:
+def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple[SteadyNumbers, Any]:
     """Return the steady state of a run under a harmonic, and the slopes of amplitude, swing and state.
 
     Args:
         equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
             the derivatives are NaN.
-        x: parameters and initial state at tau = 0, shape (13,). If `x` is a NumPy array, the results are
+        x: parameters and initial state at tau = 0, shape (14,). If `x` is a NumPy array, the results are
             NumPy numbers, and no JAX program runs.
         limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
             the number of periods over which the separation of neighbouring runs is measured. The nonlinear
             equations also need rtol.
-        slopes: whether to compute the slopes, which are NaN otherwise. The numbers are the same.
+        slopes: number of parameters, from the first on, in which to compute the slopes. The others are NaN.
     """
     engine, settings = _steady_call(equations, limits, slopes)
     if isinstance(x, np.ndarray):
@@ -346,7 +349,7 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: bool) -> tupl
 
 
 @lru_cache(maxsize=8)
-def _steady_call(equations: Terms, limits: Limits, slopes: bool) -> tuple[Compiled, np.ndarray]:
+def _steady_call(equations: Terms, limits: Limits, slopes: int) -> tuple[Compiled, np.ndarray]:
     """Return the compiled code and a row of settings for a steady state."""
     engine = ENGINES[equations]
     return engine, np.array(engine.settings("STEADY_STATE", slopes=float(slopes), **dict(limits)))
@@ -370,13 +373,17 @@ _ground_run_with_slopes = once(partial(_ground_run_from, 1))
 _ground_run_with_all_slopes = once(partial(_ground_run_from, 2))
 
 
-@jax.custom_jvp
-def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
+@partial(jax.custom_jvp, nondiff_argnums=(4,))
+def _ground_run(
+    x: Array, y: Array, pieces: Array, settings: Array, parameters: int
+) -> tuple[Array, Array, Array, Array]:
     """Return the results of one run of the linear equations under a ground motion.
 
     These are the three largest angles; the state at the end with the growing coordinate; the times of the
-    angles, of the first uplift and of overturning; and all results as floats.
+    angles, of the first uplift and of overturning; and all results as floats. Derivatives are those in the
+    first `parameters`, or in all of them together with the initial state.
     """
+    del parameters
     (out,) = _ground_run_from(0, settings, x, y, pieces)
     return _divided(out)
 
@@ -389,14 +396,14 @@ def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
     return jnp.stack(angles), jnp.hstack(end), jnp.hstack(times), out
 
 
-def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
+def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     entry = LINEAR.entry()
     column = entry.FIELDS.index
     x, y, pieces, settings = primals
     # The directions of the derivatives are the parameters, and the components of the initial state if it is
     # differentiated.
     _, of_start, of_pieces, _ = tangents
-    inputs = len(NAMES) if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
+    inputs = parameters if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
     # The largest angles often occur long before the end, so that their derivatives need only a part of the
     # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
     # program does not use.

@@ -245,15 +245,15 @@ def steady_state(x, y0, s, near, buffers, out):
     # Only an isolated orbit has derivatives.
     isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
-        count = WIDTH if s.slopes != 0.0 else 0
+        count = int(s.slopes)
         if count > 0:
             # Newton's method needs no derivatives in the parameters. Follow the orbit once more for them.
-            fill_plants(x, r.plants)
+            fill_plants(x, count, r.plants)
             set_motion(y, c, m)
-            limits = Limits(limits.capture, limits.events, (FIRST_PIECE, STATE), math.inf)
+            limits = Limits(limits.capture, limits.events, (FIRST_PIECE, count), math.inf)
             follow_cycle(q, m, buffers, limits, periods, buffers.cycles[LATEST])
             for i in range(ANGLES + 6):
-                for j in range(WIDTH):
+                for j in range(count):
                     c.by[i, j] = buffers.cycles[LATEST].by[i, j]
         _store_isolated(c, y, count, out)
     elif marginal or singular or status == APERIODIC_STATUS:

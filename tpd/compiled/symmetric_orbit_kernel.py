@@ -287,7 +287,7 @@ def solve(x, work, orbits):
 def differentiate(x, orbits, directions, first, last, work, slopes):
     """Compute derivatives of the sizes of a design's orbits, and write them into `slopes` (orbits, d, sizes).
 
-    The sizes are those from `first` to before `last`, and the `directions` (d, 9) are in the space of the
+    The sizes are those from `first` to before `last`, and the `directions` (d, 10) are in the space of the
     parameters. Orbits near a fold and orbits that graze have no derivatives (NaN). Sizes outside of the range
     are NaN.
     """
@@ -335,7 +335,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
 def vanishing(x, u, work, out, by):
     """Compute functions of u = (t, gamma, s) and of the parameters that vanish where orbits are lost.
 
-    `out` gets the values and `by` (7, 12) the derivatives: phi'(0); phi(t); the determinant of their
+    `out` gets the values and `by` (7, 13) the derivatives: phi'(0); phi(t); the determinant of their
     derivatives in (t, gamma) (two orbits merge); det(I + G) (the symmetry is lost); phi''(0+) (sticking);
     phi'(s) and phi''(s) (grazing), or without friction phi(s) and phi'(s).
     """

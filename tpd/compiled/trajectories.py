@@ -112,7 +112,7 @@ def history(
     The run passes through all pieces and then moves freely.
 
     Args:
-        row: parameters (9,).
+        row: parameters (10,).
         y0: initial state (4,).
         pieces: pieces of the ground motion.
         times: increasing times (tau) of the states.

@@ -17,7 +17,7 @@ from tpd.compiled.columns import (
 from tpd.compiled.contact_kernel import decide, sign
 from tpd.compiled.events import STOP
 from tpd.compiled.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
-from tpd.compiled.legs import STATE, carry_past_event, carry_through_leg
+from tpd.compiled.legs import INPUTS, STATE, carry_past_event, carry_through_leg
 from tpd.compiled.march import prepare_march
 from tpd.compiled.motion import FIRST_PIECE, LEG, LEGS, NO, YES, reset_counts
 from tpd.compiled.plant import STEP, compiled, fill_plants, plant
@@ -25,7 +25,7 @@ from tpd.compiled.plant import STEP, compiled, fill_plants, plant
 ROUNDING = 1e-10
 """Share of a period by which a time may lie before the end of its period. A time that rounding has moved just
 before the end then needs no leg of its own."""
-BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
+BEGINNING, _INPUTS, _NONE = INPUTS, INPUTS + 1, np.int64(0)
 """Direction of the start time, after those of the parameters and of the initial state; the number of
 directions; and zero as a NumPy scalar."""
 
@@ -36,7 +36,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
 
     Args:
         out: array (n, 8) for the states at all n times and their time derivatives.
-        by: array (n, 4, 14) for the derivatives in the parameters, the initial state and times[0], if the
+        by: array (n, 4, 15) for the derivatives in the parameters, the initial state and times[0], if the
             settings `s` request slopes.
 
     After the end of the run the states are NaN.
@@ -52,9 +52,9 @@ def trajectory(x, q, m, w, r, s, times, out, by):
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
     if slopes:
-        fill_plants(x, r.plants)
+        fill_plants(x, STATE, r.plants)
         for j in range(_INPUTS):
-            r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
+            r.shift[j] = -whole * span_of(r.plants[min(j, STATE)], f).imag / STEP
             for i in range(4):
                 r.dy[i, j] = 1.0 if j == STATE + i else 0.0
         # A later start shifts the whole run.

@@ -423,7 +423,7 @@ class GroundMotionProblem(Problem):
         )
 
     def _rows(self, design: np.ndarray, scene: Scene, conditions: Conditions) -> np.ndarray:
-        """Return the parameters of a design under all conditions as rows (n, 9) of compiled code."""
+        """Return the parameters of a design under all conditions as rows (n, 10) of compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
         factor = motion_factors(scene, conditions)
         unit = Scene(scene.block, _UNIT, scene.gravity)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.compiled.columns import LAM, MU, SIZES, ZETA, E
+from tpd.compiled.columns import LAM, MU, SIZES, WIDTH, ZETA, E
 from tpd.compiled.orbits import orbit_slopes, solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.core.batch import in_chunks, prepare
@@ -240,8 +240,8 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
 
 def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) -> np.ndarray:
     """Return the derivatives of the parameters `q` of m designs under all conditions with respect to (mu,
-    lam, zeta) of the designs, as rows of the compiled code, (m n, 3, 9)."""
-    along = np.zeros((m * len(conditions), 3, 9))
+    lam, zeta) of the designs, as rows of the compiled code, (m n, 3, 10)."""
+    along = np.zeros((m * len(conditions), 3, WIDTH))
     for i, (name, column) in enumerate(_DESIGN.items()):
         along[:, i, column] = np.tile(conditions.column(name), m)
     if p.e is None:

@@ -55,11 +55,11 @@ class AbstractModel(eqx.Module):
         """Follow the motion from the state `y0` at tau = 0 until it repeats."""
 
     @abstractmethod
-    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
-        """Return the steady state and the slopes (6, 9) of amplitude, swing and state.
+    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 10) of amplitude, swing and state.
 
-        `x` has the nine parameters and the four numbers of the initial state. The slopes count only if
-        `slopes`.
+        `x` has the ten parameters and the four numbers of the initial state. The slopes count only for the
+        first `slopes` parameters.
         """
 
     @abstractmethod
@@ -106,8 +106,8 @@ class AbstractCompiled(AbstractModel):
         settings = {**self.accuracy, "tolerance": self.tolerance}
         return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
 
-    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
-        """Return the steady state and the slopes (6, 9) of amplitude, swing and state."""
+    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 10) of amplitude, swing and state."""
         return solve_steady(self.equations, x, self.limits, slopes)
 
     def trajectory(

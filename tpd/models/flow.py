@@ -79,8 +79,8 @@ class AbstractFlow(AbstractModel):
         del p, y0
         return None
 
-    def solve_steady(self, x: Any, slopes: bool) -> tuple[SteadyNumbers, Any]:
-        """Return the steady state and the slopes (6, 9) of amplitude, swing and state."""
+    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 10) of amplitude, swing and state."""
         # Both are one JAX program, and Newton's method needs most of the derivatives in any case.
         del slopes
         return _solve_steady(x[:WIDTH], self, x[WIDTH:])
@@ -92,8 +92,8 @@ class AbstractFlow(AbstractModel):
 
 @eqx.filter_jit
 def _solve_steady(
-    x: Float[Array, "9"], model: AbstractFlow, y0: State
-) -> tuple[SteadyNumbers, Float[Array, "6 9"]]:
+    x: Float[Array, "10"], model: AbstractFlow, y0: State
+) -> tuple[SteadyNumbers, Float[Array, "6 10"]]:
     """Return the answer of a model and the slopes of amplitude, swing and state, as a traced function.
 
     Slopes that do not exist are NaN.

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from tpd.compiled.columns import AT_REST, LAST_STEP, NEWTON_STEPS, RESIDUAL, ROCKING, STICKING
+from tpd.compiled.columns import AT_REST, LAST_STEP, NEWTON_STEPS, RESIDUAL, ROCKING, STICKING, WIDTH
 from tpd.compiled.simulate import Run
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
@@ -107,7 +107,7 @@ def refine(p: Parameters, model: Any, reached: Run, code: Any) -> Orbit:
 
     # Before the first run the error is infinite, so that every run is better.
     infinite, sizes = jnp.full((), jnp.inf), jnp.stack([reached.settled_tilt, reached.settled_swing])
-    ends = jnp.full(4, jnp.inf), sizes, jnp.full((6, 9), jnp.inf), jnp.full((6, 4), jnp.inf)
+    ends = jnp.full(4, jnp.inf), sizes, jnp.full((6, WIDTH), jnp.inf), jnp.full((6, 4), jnp.inf)
     rest = infinite, *ends, infinite, infinite
     none = Orbit(reached.state, *rest, jnp.ones((), bool), jnp.zeros(4), infinite)
     first = _Iteration(reached.state, reached.memory, none, jnp.zeros((), int))

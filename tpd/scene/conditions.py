@@ -462,6 +462,7 @@ def under(p: Parameters, design: Any, factors: Any) -> Parameters:
         rho=p.rho,
         # `where` instead of a minimum: the derivative of a minimum is one half if both values are equal.
         e=None if ratio is None else checks.namespace(ratio).where(ratio > 1.0, 1.0, ratio),
+        kappa=p.kappa,
     )
 
 

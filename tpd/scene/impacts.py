@@ -15,14 +15,16 @@ from __future__ import annotations
 from typing import Any
 
 
-def velocity_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, side: Any, sine: Any, cosine: Any) -> Any:
+def velocity_ratio(
+    e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any, side: Any, sine: Any, cosine: Any
+) -> Any:
     """Return the ratio r = phi' after/phi' before of an impact from the tilt of sign `side`.
 
     The rod exerts a force only along itself on block and bob, and the base pushes at the new corner. The
     angular momentum of both about the new corner therefore changes only by the loss of the block:
 
-        r = [A + mu rho q q'] / (1 + mu rho q^2),    q = 2 sin(psi) - s nu cos(psi),
-        A = e (1 + mu rho nu^2) + mu rho nu^2,       q' = 2 sin(psi) + s nu cos(psi).
+        r = [A + mu rho q q'] / (1 + mu rho q^2),    q = kappa sin(psi) - s nu cos(psi),
+        A = e (1 + mu rho nu^2) + mu rho nu^2,       q' = kappa sin(psi) + s nu cos(psi).
 
     At psi = 0 this is e, the ratio of the linear equations. With Housner's e the constant is A = 1 - 2 rho
     nu^2, as without a pendulum, and the momentum is conserved. If e is larger than (1 - mu rho nu^2)/(1 + mu
@@ -32,10 +34,12 @@ def velocity_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, side: Any, sine
     `sine` and `cosine` are those of psi, `side` is the sign s of the tilt before the impact, and `lam` is an
     argument for other laws.
     """
-    share, before, after = mu * rho, 2.0 * sine + side * nu * cosine, 2.0 * sine - side * nu * cosine
+    share, high, wide = mu * rho, kappa * sine, side * nu * cosine
+    before, after = high + wide, high - wide
     inertia = 1.0 + share * after**2
     # Compute r - e, which is proportional to sin(psi), to avoid cancellation.
-    turned = e * ((nu**2 - 4.0) * sine + 4.0 * side * nu * cosine) + (4.0 + nu**2) * sine
+    square, twice = kappa * kappa, 2.0 * kappa
+    turned = e * ((nu**2 - square) * sine + twice * side * nu * cosine) + (square + nu**2) * sine
     ratio = e + share * sine * turned / inertia
     most = ((1.0 + share * before**2) / inertia) ** 0.5
     # For e above 1, which finite differences at 1 evaluate, the ratio is also e: with the bound the
@@ -44,30 +48,30 @@ def velocity_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, side: Any, sine
 
 
 def bob_change(
-    ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, side: Any, sine: Any, cosine: Any
+    ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any, side: Any, sine: Any, cosine: Any
 ) -> Any:
     """Return the change of psi' over phi' before, for an impact that multiplies phi' by r = `ratio`.
 
     The other arguments are those of `velocity_ratio`. The rod exerts a force only along itself, so that the
-    bob keeps its velocity across the rod. The hinge moves sideways at 2 phi', and upwards at s nu phi' before
+    bob keeps its velocity across the rod. The hinge moves sideways at kappa phi', and upwards at s nu phi' before
     the impact and at -s nu phi' after it:
 
-        lam (psi'_after - psi'_before) = 2 cos(psi) (r - 1) phi' + s nu sin(psi) (r + 1) phi'.
+        lam (psi'_after - psi'_before) = kappa cos(psi) (r - 1) phi' + s nu sin(psi) (r + 1) phi'.
 
     The last term applies only to impacts with a loss. A crossing without loss changes neither rate.
     """
     upwards = select(e.real == 1.0, 0.0 * ratio, side * nu * sine * (ratio + 1.0))
-    return (2.0 * cosine * (ratio - 1.0) + upwards) / lam
+    return (kappa * cosine * (ratio - 1.0) + upwards) / lam
 
 
-def linear_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any) -> Any:
+def linear_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> Any:
     """Return `velocity_ratio` in the linear equations, in which the bob hangs vertically below its hinge."""
-    return velocity_ratio(e, nu, mu, lam, rho, 1.0, 0.0, 1.0)
+    return velocity_ratio(e, nu, mu, lam, rho, kappa, 1.0, 0.0, 1.0)
 
 
-def linear_bob_change(ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any) -> Any:
+def linear_bob_change(ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> Any:
     """Return `bob_change` in the linear equations."""
-    return bob_change(ratio, e, nu, mu, lam, rho, 1.0, 0.0, 1.0)
+    return bob_change(ratio, e, nu, mu, lam, rho, kappa, 1.0, 0.0, 1.0)
 
 
 def select(condition: Any, of_true: Any, of_false: Any) -> Any:
@@ -83,7 +87,8 @@ def housner(nu: Any, rho: Any, mu: Any = 0.0) -> Any:
 
     Arguments are numbers, arrays or traced values. Before the impact the block rotates about one corner, and
     after the impact about the other. The impact force acts at the new corner and has no moment about it, so
-    that the angular momentum of block and bob about this corner is conserved.
+    that the angular momentum of block and bob about this corner is conserved. The height of the hinge does
+    not matter.
 
     Per unit mass the angular momentum of the block is (c^2 + b^2 - a^2) phi' before and (c^2 + b^2 + a^2)
     phi' after the impact. The rod moves the bob only in its own direction: at psi = 0 the vertical velocity

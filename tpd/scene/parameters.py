@@ -28,6 +28,10 @@ GREATEST = 1e12
 of numbers are not accurate."""
 
 
+HIGHEST_HINGE = 4.0
+"""Largest height of the hinge above the base over the half height of the block."""
+
+
 @dataclass(frozen=True, init=False)
 class Parameters:
     """Dimensionless parameters of block, pendulum and excitation. Angles are in rad, and time is tau = omega0
@@ -36,7 +40,8 @@ class Parameters:
     Symbols are those of (25) in Collini et al. (2016), the paper behind this package. The fields are the
     slenderness `nu`, the mass ratio `mu`, the length ratio `lam`, the damping ratio `zeta`, the friction `k`,
     the amplitude `f` and the frequency ratio `xi` of the excitation, the inertia ratio `rho` (None: a uniform
-    rectangle), and the velocity ratio `e` at an impact (None: Housner's).
+    rectangle), the velocity ratio `e` at an impact (None: Housner's), and the height `kappa` of the hinge
+    above the base over the half height (2, the top of the block).
 
     The class is a pytree of numbers. Fields may also contain arrays or traced values. Plain numbers and
     arrays are checked on construction.
@@ -71,6 +76,9 @@ class Parameters:
     e: Number | None
     """Velocity ratio at an impact at zero tilt and psi = 0, of the block with its bob; 1 means no loss. None
     means that it follows from `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in gradients."""
+    kappa: Number
+    """Height of the hinge above the base over the half height of the block, up to 4; 2 is the top of the block,
+    as in the paper, and a mast has more."""
 
     def __init__(
         self,
@@ -84,13 +92,16 @@ class Parameters:
         xi: Number,
         rho: Number | None = None,
         e: Number | None = 1.0,
+        kappa: Number = 2.0,
     ) -> None:
         values = {"nu": nu, "mu": mu, "lam": lam, "zeta": zeta, "k": k, "f": f, "xi": xi, "rho": rho, "e": e}
+        values["kappa"] = kappa
         vars(self).update({name: checks.plain(name, x) for name, x in values.items()})
         for name in ("nu", "lam", "xi"):
             checks.positive(name, getattr(self, name), 1.0 / GREATEST, GREATEST, every=True)
         for name in ("mu", "zeta", "k", "f"):
             checks.not_negative(name, getattr(self, name), 0.0, GREATEST, every=True)
+        checks.positive("kappa", self.kappa, 1.0 / GREATEST, HIGHEST_HINGE, " (twice the height)", every=True)
         why = " (the linear equations neglect terms of order nu**2)"
         checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, why, every=True)
         if self.rho is not None:

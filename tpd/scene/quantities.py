@@ -37,13 +37,15 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_mass": ("mu",),
     "pendulum_length": ("lam",),
     "pendulum_damping": ("zeta",),
+    "pendulum_hinge_height": ("kappa",),
 }
-"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend
-on it. With Housner's restitution e also depends on width, height and both masses: see `Setup.moved`."""
+"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -, m), each with the parameters that depend
+on it. With Housner's restitution e also depends on width, height and both masses, and the height of the block
+moves kappa if that of the hinge is stated: see `Setup.moved`."""
 _OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
 """Quantities on which Housner's restitution depends."""
 UNITS = {
-    **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
+    **dict.fromkeys(("width", "height", "amplitude", "pendulum_length", "pendulum_hinge_height"), "m"),
     **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
     "frequency": "Hz",
 }
@@ -60,7 +62,10 @@ _RATIOS = {"mass_ratio": "mu", "length_ratio": "lam", "damping_ratio": "zeta"}
 """Names that the command line and the job file have for parameters."""
 _TINY = 1e-100
 """Imaginary step for complex-step differentiation."""
-_OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
+_OF_PENDULUM = (
+    *("mu", "lam", "zeta", "kappa", "pendulum_mass", "pendulum_length", "pendulum_damping"),
+    "pendulum_hinge_height",
+)
 """Names that exist only with a pendulum."""
 
 
@@ -136,7 +141,8 @@ class Setup:
         if not self.scene or name not in QUANTITIES:
             return ()
         tied = "restitution" not in self.values and name in _OF_HOUSNER
-        return QUANTITIES[name] + (("e",) if tied else ())
+        hung = name == "height" and "pendulum_hinge_height" in self.values
+        return QUANTITIES[name] + (("e",) if tied else ()) + (("kappa",) if hung else ())
 
     def check(self, argument: str, name: str, *values: float) -> None:
         """Raise `ValueError` unless `name`, the value of `argument`, can be varied and can have these
@@ -180,6 +186,8 @@ class Setup:
         # When mass or length of the pendulum are varied, the bounds are the same as for fixed values.
         if name in _BOUNDS and self.has_pendulum:
             of, words = _BOUNDS[name]
+            if name == "pendulum_length" and "pendulum_hinge_height" in self.values:
+                of, words = "pendulum_hinge_height", "the height of the hinge"
             checks.at_most(name, value, self.values[of], words)
 
     def at(self, varied: Mapping[str, Any]) -> Parameters:
@@ -243,12 +251,12 @@ class Axis:
         self.setup.check("name", self.name, *values)
 
     def at(self, values: np.ndarray) -> np.ndarray:
-        """Return the parameters at values of shape (n,), in the order of NAMES, shape (n, 9)."""
+        """Return the parameters at values of shape (n,), in the order of NAMES, shape (n, 10)."""
         rows = [np.broadcast_to(x, np.shape(values)) for x in self.setup.vector({self.name: values})]
         return np.stack(rows, axis=1)
 
     def jacobian(self, value: float) -> np.ndarray:
-        """Return the derivatives of the parameters, shape (9, 1 + len(others)).
+        """Return the derivatives of the parameters, shape (10, 1 + len(others)).
 
         The columns are the derivatives with respect to the varied number and to `others`.
         """

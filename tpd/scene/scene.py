@@ -20,7 +20,7 @@ from tpd.core.checks import Real
 from tpd.core.formatting import number
 from tpd.scene.ground_motion import FREQUENCIES, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
+from tpd.scene.parameters import HIGHEST_HINGE, SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
 
 HOUSNER = "housner"
 """Value of `Block.restitution` for which e follows from block and bob by `tpd.scene.impacts.housner`."""
@@ -88,7 +88,8 @@ class Block:
     width: Real
     """Width of the base, m."""
     height: Real
-    """Height of the block, m; the hinge of the pendulum is at the middle of the top."""
+    """Height of the block, m; the hinge of the pendulum is at the middle of the top unless the pendulum states
+    another height."""
     mass: Real
     """Mass of the block, kg."""
     friction: Real = 0.0
@@ -234,13 +235,14 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Pendulum:
-    """Point bob on a massless rod from the middle of the top of the block.
+    """Point bob on a massless rod from a hinge on the middle line of the block, usually at its top.
 
-    The fields are the `mass` of the bob in kg, the `length` of the rod in m, and the `damping_ratio` of the
-    hinge, dimensionless.
+    The fields are the `mass` of the bob in kg, the `length` of the rod in m, the `damping_ratio` of the
+    hinge, dimensionless, and the `hinge_height` above the base in m.
 
     Raises:
-        ValueError: the mass, length or damping ratio is out of range.
+        ValueError: the mass, length, damping ratio or height of the hinge is out of range, or the bob would
+            hang below the base.
 
     Example:
         >>> import tpd
@@ -255,6 +257,9 @@ class Pendulum:
     """Length of the rod, m."""
     damping_ratio: Real
     """Damping ratio zeta: share of the critical damping of the pendulum on a fixed hinge."""
+    hinge_height: Real | None = None
+    """Height of the hinge above the base, m, up to twice the height of the block. Default: the top of the
+    block. Gradients with the default include its dependence on the height of the block."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
@@ -262,6 +267,10 @@ class Pendulum:
         checks.positive("length", self.length, *LENGTHS, " m", every=True)
         checks.not_negative("damping_ratio", self.damping_ratio, every=True)
         check_damping("damping_ratio", self.damping_ratio)
+        if self.hinge_height is not None:
+            checks.positive("hinge_height", self.hinge_height, *LENGTHS, " m", every=True)
+            lowest = "the height of the hinge, because the bob would hang below the base"
+            checks.at_most("length", self.length, self.hinge_height, lowest)
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Return the moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
@@ -413,7 +422,11 @@ class Scene:
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
             checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
-            checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
+            if (hinge := pendulum.hinge_height) is None:
+                checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
+            else:
+                most = 0.5 * HIGHEST_HINGE * block.height
+                checks.at_most("pendulum.hinge_height", hinge, most, "twice the height of the block")
         # At mu = 0 the bob does not act on the block, but the equations still contain its length, which must
         # not be zero. Any usual value serves.
         if pendulum is None:
@@ -424,16 +437,20 @@ class Scene:
             out["restitution"] = block.restitution
         shape = {name: getattr(block, name) for name in ("radius_of_gyration", "effective_width")}
         out |= {name: value for name, value in shape.items() if value is not None}
+        if pendulum.hinge_height is not None:
+            out["pendulum_hinge_height"] = pendulum.hinge_height
         out |= self.excitation.quantities
         out |= {"gravity": self.gravity, "pendulum_mass": pendulum.mass, "pendulum_length": pendulum.length}
         return out | {"pendulum_damping": pendulum.damping_ratio}
 
-    def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
-        """Return the pendulum in SI units with the ratios mu, lam and zeta."""
+    def pendulum(
+        self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real, hinge_height: Real | None = None
+    ) -> Pendulum:
+        """Return the pendulum in SI units with the ratios mu, lam and zeta, and a hinge at a height in m."""
         mass_ratio = checks.not_negative("mass_ratio", mass_ratio, every=True)
         length_ratio = checks.not_negative("length_ratio", length_ratio, every=True)
         mass, length = mass_ratio * self.block.mass, length_ratio * self.block.half_height
-        return Pendulum(mass=mass, length=length, damping_ratio=damping_ratio)
+        return Pendulum(mass=mass, length=length, damping_ratio=damping_ratio, hinge_height=hinge_height)
 
 
 def check_proportions(width: Any, height: Any, mass: Any) -> None:
@@ -502,7 +519,8 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters by name from `Scene.quantities`, without checks.
 
     The quantities are numbers, arrays that broadcast, or traced values. rho is None without a
-    `radius_of_gyration` and an `effective_width`, and e is None without a `restitution`.
+    `radius_of_gyration` and an `effective_width`, and e is None without a `restitution`. Without a
+    `pendulum_hinge_height` the hinge is at the top.
     """
     half_height, share, rho = 0.5 * q["height"], q.get("effective_width"), _inertia_ratio(q)
     nu = (q["width"] if share is None else q["width"] * share) / q["height"]
@@ -523,6 +541,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         # None means that rho and e follow the other parameters, also if these are varied later.
         "rho": None if is_rectangle else rho,
         "e": q.get("restitution"),
+        "kappa": q["pendulum_hinge_height"] / half_height if "pendulum_hinge_height" in q else 2.0,
     }
 
 

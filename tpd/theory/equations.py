@@ -2,17 +2,17 @@
 
 Let s be the sign of the tilt phi, sigma the sign of its rate, and let primes denote d/dtau:
 
-    [1 + mu rho (4 + nu^2)] phi'' - 2 mu rho lam psi'' - (1 + 2 mu) phi + mu lam c_p (phi' - psi')
-        = -s (1 + mu) nu - sigma k - f (1 + 2 mu) sin(xi tau)
-    -2 rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
+    [1 + mu rho (kappa^2 + nu^2)] phi'' - kappa mu rho lam psi'' - (1 + kappa mu) phi + mu lam c_p (phi' - psi')
+        = -s (1 + mu) nu - sigma k - f (1 + kappa mu) sin(xi tau)
+    -kappa rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
 
 `Linear` holds these coefficients, and every solver of (25) uses it. `Equations` is the vector field of (25),
 with or without its parametric term, or of (4). For small angles (4) reduces to (25). With
-S = s nu sin(phi - psi) + 2 cos(phi - psi) and C = s nu cos(phi - psi) - 2 sin(phi - psi), (4) reads
+S = s nu sin(phi - psi) + kappa cos(phi - psi) and C = s nu cos(phi - psi) - kappa sin(phi - psi), (4) reads
 
-    [1 + mu rho (4 + nu^2)] phi'' - mu rho lam S psi'' + mu rho lam C psi'^2
-        + f [s (1 + mu) nu sin phi + (1 + 2 mu) cos phi] sin(xi tau) + s (1 + mu) nu cos phi
-        - (1 + 2 mu) sin phi + sigma k + mu lam c_p (phi' - psi') = 0
+    [1 + mu rho (kappa^2 + nu^2)] phi'' - mu rho lam S psi'' + mu rho lam C psi'^2
+        + f [s (1 + mu) nu sin phi + (1 + kappa mu) cos phi] sin(xi tau) + s (1 + mu) nu cos phi
+        - (1 + kappa mu) sin phi + sigma k + mu lam c_p (phi' - psi') = 0
     -rho S phi'' + lam rho psi'' - rho C phi'^2 - f cos psi sin(xi tau) + sin psi + c_p (psi' - phi') = 0
 """
 
@@ -49,7 +49,7 @@ class Linear(eqx.Module):
     c2: Number
     """Factor of psi' - phi' in row 2."""
     tilt: Number
-    """1 + 2 mu: factor of phi and of the forcing in row 1."""
+    """1 + kappa mu: factor of phi and of the forcing in row 1."""
     weight: Number
     """(1 + mu) nu: moment of the weight about the corner."""
     friction: Number
@@ -61,20 +61,20 @@ class Linear(eqx.Module):
 
     def __init__(self, p: Parameters) -> None:
         rho, c = p.inertia_ratio, p.hinge
-        self.m11 = 1.0 + p.mu * rho * (4.0 + p.nu**2)
-        self.m12 = -2.0 * p.mu * rho * p.lam
-        self.m21 = -2.0 * rho
+        self.m11 = 1.0 + p.mu * rho * (p.kappa**2 + p.nu**2)
+        self.m12 = -p.kappa * p.mu * rho * p.lam
+        self.m21 = -p.kappa * rho
         self.m22 = p.lam * rho
         # This form of m11 m22 - m12 m21 does not subtract nearly equal numbers if mu is large or nu small.
         self.determinant = self.m22 * (1.0 + p.mu * rho * p.nu**2)
         self.c1 = p.mu * p.lam * c
         self.c2 = c
-        self.tilt = 1.0 + 2.0 * p.mu
+        self.tilt = 1.0 + p.kappa * p.mu
         self.weight = (1.0 + p.mu) * p.nu
         self.friction = p.k
         self.f = p.f
         # This moment is needed where the block is at rest, see `tpd.compiled.contact_kernel.moment`.
-        self.bias = p.mu * c * (p.lam - 2.0)
+        self.bias = p.mu * c * (p.lam - p.kappa)
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
         """Return the derivative d/dtau of the state (phi, psi, phi', psi').
@@ -151,7 +151,8 @@ class Equations(eqx.Module):
             by_moment = jnp.stack([linear.m22, -linear.m21]) / linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
         sin, cos, sin_apart, cos_apart = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
-        big_s, big_c = step * p.nu * sin_apart + 2.0 * cos_apart, step * p.nu * cos_apart - 2.0 * sin_apart
+        side, high = step * p.nu, p.kappa
+        big_s, big_c = side * sin_apart + high * cos_apart, side * cos_apart - high * sin_apart
         # Moments on the block: weight and base motion, centripetal force of the bob, friction and hinge.
         r1 = linear.tilt * sin - step * linear.weight * cos
         r1 = r1 - linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
@@ -201,7 +202,7 @@ def smoothed_rates(
         terms: terms of the equations.
     """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
-    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
+    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa
     ratio = linear_ratio(*law)
     # For r = 1 the quotient ln(r)/(r - 1) is replaced by its limit, in a form with the correct derivative.
     loss = jnp.where(ratio == 1.0, 1.0, 1.0 - ratio)

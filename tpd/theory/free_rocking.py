@@ -122,7 +122,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
 
     Friction dissipates 4 k Phi per cycle of amplitude Phi, because the tilt travels four times Phi. Each of
     the two impacts dissipates (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down
-    from Phi: w Phi - K Phi^2/2 with w = (1 + mu) nu and K = 1 + 2 mu. The two losses are equal for
+    from Phi: w Phi - K Phi^2/2 with w = (1 + mu) nu and K = 1 + kappa mu. The two losses are equal for
 
         k = (1 - e^2)(2 w - K Phi)/4,   without a pendulum (1 - e^2)(2 nu - Phi)/4.
 
@@ -162,7 +162,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         if phi[i] > most[i]:
             why = "twice the tilt at which the block topples of itself"
             raise ValueError(f"`amplitude` must be at most {most[i]:g}, {why}, but is {phi[i]:g}")
-    loss = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
+    loss = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa) ** 2
     return loss * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
 

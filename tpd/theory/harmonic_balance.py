@@ -2,8 +2,8 @@
 
 With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp(i theta), |F| = f:
 
-    D = 1 - lam rho xi^2 + i xi c_p,   h = 2 mu rho lam xi^2 - i xi mu lam c_p,   B = 1 + 2 mu + h/D
-    A = -[1 + mu rho (4 + nu^2)] xi^2 - (1 + 2 mu) + i xi mu lam c_p - h (2 rho xi^2 - i xi c_p)/D
+    D = 1 - lam rho xi^2 + i xi c_p,   h = kappa mu rho lam xi^2 - i xi mu lam c_p,   B = 1 + kappa mu + h/D
+    A = -[1 + mu rho (kappa^2 + nu^2)] xi^2 - (1 + kappa mu) + i xi mu lam c_p - h (kappa rho xi^2 - i xi c_p)/D
         + i (64/pi^3) (1 - e)/(1 + e) (1 + mu rho nu^2) xi^2
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] = 0
 
@@ -56,7 +56,7 @@ class _Balance(NamedTuple):
     d: _Amplitude
     """D, which relates the bob angle to its excitation."""
     drive: _Amplitude
-    """2 rho xi^2 - i xi c_p, the effect of the tilt on the bob."""
+    """kappa rho xi^2 - i xi c_p, the effect of the tilt on the bob."""
     a: _Amplitude
     """A, the factor of the tilt."""
     b: _Amplitude
@@ -70,8 +70,8 @@ def _balance(p: Parameters, order: int = 1) -> _Balance:
     linear, c, rho, xi, e = Linear(p), p.hinge, p.inertia_ratio, order * p.xi, p.velocity_ratio
     # D is zero at the resonance of an undamped bob. Python would raise an error for the division by it.
     d = jnp.asarray(1.0 - p.lam * rho * xi**2 + 1j * xi * c)
-    h = 2.0 * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
-    drive = 2.0 * rho * xi**2 - 1j * xi * c
+    h = p.kappa * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
+    drive = p.kappa * rho * xi**2 - 1j * xi * c
     a = -linear.m11 * xi**2 - linear.tilt + 1j * xi * linear.c1 - h * drive / d
     if order == 1:
         # Impacts depend on the first harmonic only: the size of the motion is that of its first harmonic.

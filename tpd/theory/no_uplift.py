@@ -3,11 +3,11 @@
 While the block is at rest, the bob is a damped oscillator driven by the base: its amplitude is Z = F/D with
 D = 1 - lam rho xi^2 + i xi c_p. The moment on the block then has the amplitude |B| f with
 
-    B = 1 + 2 mu + (2 mu rho lam xi^2 - i xi mu lam c_p)/D
+    B = 1 + kappa mu + (kappa mu rho lam xi^2 - i xi mu lam c_p)/D
 
 and weight and friction resist this moment up to (1 + mu) nu + k. Without damping D = 1 - x with x = lam rho
-xi^2 = l omega^2/g, so that the swing is f/|x - 1| and B = 1 + 2 mu/(1 - x). A pendulum that is longer than
-g/omega^2 swings against the base and relieves the block: its moment is f - 2 mu Z. `lightest_pendulum` solves
+xi^2 = l omega^2/g, so that the swing is f/|x - 1| and B = 1 + kappa mu/(1 - x). A pendulum that is longer than
+g/omega^2 swings against the base and relieves the block: its moment is f - kappa mu Z. `lightest_pendulum` solves
 for the mass. All formulas accept arrays in the fields of `Parameters`.
 """
 
@@ -149,11 +149,11 @@ def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
     """Return |D|^2, and the real and the imaginary part of B."""
     # Real numbers only, because the search differentiates `uplift` with imaginary steps of the parameters.
     rho, c = p.inertia_ratio, p.hinge
-    # Real and imaginary part of D, and of h = 2 mu rho lam xi^2 - i xi mu lam c_p.
+    # Real and imaginary part of D, and of h = kappa mu rho lam xi^2 - i xi mu lam c_p.
     real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
     size2 = real**2 + imaginary**2
-    h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
-    b_real = 1.0 + 2.0 * p.mu + (h_real * real + h_imag * imaginary) / size2
+    h_real, h_imag = p.kappa * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
+    b_real = 1.0 + p.kappa * p.mu + (h_real * real + h_imag * imaginary) / size2
     b_imag = (h_imag * real - h_real * imaginary) / size2
     return size2, b_real, b_imag
 
@@ -222,6 +222,6 @@ def lightest_pendulum(p: Parameters, swing: Any) -> Lightest:
     swing = checks.positive("swing", swing, every=True)
     # A shorter pendulum swings too far. A longer one swings less, and needs more mass for the same moment.
     length = (1.0 + p.f / swing) / (p.inertia_ratio * p.xi**2)
-    mass = (p.f - p.nu - p.k) / (p.nu + 2.0 * swing)
+    mass = (p.f - p.nu - p.k) / (p.nu + p.kappa * swing)
     # A block that does not lift without a pendulum would get a negative mass.
     return Lightest(checks.namespace(mass).maximum(mass, 0.0), length)
