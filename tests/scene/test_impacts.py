@@ -105,7 +105,7 @@ def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side,
     sine, cosine = np.sin(psi), np.cos(psi)
 
     def speeds(rate, swing, foot):
-        """Of the bob along the rod and across it: the hinge moves at -kappa to the side and foot nu upwards."""
+        """Of the bob along the rod and across it: the hinge moves at -kappa sideways and foot nu upwards."""
         x, z = -kappa * rate + lam * cosine * swing, foot * nu * rate + lam * sine * swing
         return x * sine - z * cosine, x * cosine + z * sine
 

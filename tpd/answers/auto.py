@@ -166,8 +166,8 @@ def _is_same_motion(steady: Steady, reached: Run) -> bool:
 def _neglected_at_rest(p: Parameters, reach: Number) -> Number:
     """Return the share of the moment on a block at rest that the terms neglected from (4) contribute.
 
-    The bob swings up to `reach` (rad). The terms are nu/kappa psi, from S = kappa cos psi -+ nu sin psi, and terms of
-    second order.
+    The bob swings up to `reach` (rad). The terms are nu/kappa psi, from S = kappa cos psi -+ nu sin psi, and
+    terms of second order.
     """
     return p.nu / p.kappa * reach + reach**2
 

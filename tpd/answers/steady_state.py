@@ -313,8 +313,10 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
 
 
 def _needed(traced: list[int]) -> int:
-    """Return the number of parameters, from the first on, whose slopes are needed. The last one, the height of
-    the hinge, rarely is."""
+    """Return the number of parameters, from the first on, whose slopes are needed.
+
+    The last one, the height of the hinge, is rarely needed.
+    """
     return WIDTH if WIDTH - 1 in traced else WIDTH - 1
 
 

@@ -5,9 +5,9 @@ and crosses phi = 0 at tau = t. Half a forcing period h = pi/xi after the turnin
 mirror image, y(h) = -y(0). Between its events the system is linear with constant loads, (16) to (18) of the
 paper. Equation (19) fixes t at h/2, which is one condition too many if k > 0. Here t is an unknown.
 
-Let K = 1 + kappa mu, w = (1 + mu) nu, M = [1 + exp(A h)]^-1, e1 the unit vector of the tilt, V = phi'(t-), and V
-d the jump of the rates in the impact, d = (0, 0, *`contact_kernel.jump`). The mirror condition gives both
-arcs, with s measured from the start of each:
+Let K = 1 + kappa mu, w = (1 + mu) nu, M = [1 + exp(A h)]^-1, e1 the unit vector of the tilt, V = phi'(t-),
+and V d the jump of the rates in the impact, d = (0, 0, *`contact_kernel.jump`). The mirror condition gives
+both arcs, with s measured from the start of each:
 
     y(s) = exp(A s) M {(2k/K) e1 - exp(A (h - t)) [(2w/K) e1 + V d]} + (w - k)/K e1 + harmonic(s)
     y(t + s) = exp(A s) M {exp(A t) (2k/K) e1 + (2w/K) e1 + V d} - (w + k)/K e1 + harmonic(t + s)

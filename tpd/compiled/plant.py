@@ -43,8 +43,8 @@ _FIELDS = (
 )
 """Fields of a plant.
 
-- `nu` to `kappa`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another forcing
-  (`tpd.compiled.arcs.Forcing`).
+- `nu` to `kappa`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another
+  forcing (`tpd.compiled.arcs.Forcing`).
 - `slack`: a held block is released if the moment on it exceeds the holding moment by more than this; 0 under
   a harmonic.
 - `up`, `weight`, `bias`, `m11` to `c2`: coefficients of the equations, see `tpd.theory.equations.Linear`.

@@ -53,8 +53,8 @@ def bob_change(
     """Return the change of psi' over phi' before, for an impact that multiplies phi' by r = `ratio`.
 
     The other arguments are those of `velocity_ratio`. The rod exerts a force only along itself, so that the
-    bob keeps its velocity across the rod. The hinge moves sideways at kappa phi', and upwards at s nu phi' before
-    the impact and at -s nu phi' after it:
+    bob keeps its velocity across the rod. The hinge moves sideways at kappa phi', and upwards at s nu phi'
+    before the impact and at -s nu phi' after it:
 
         lam (psi'_after - psi'_before) = kappa cos(psi) (r - 1) phi' + s nu sin(psi) (r + 1) phi'.
 

@@ -77,8 +77,8 @@ class Parameters:
     """Velocity ratio at an impact at zero tilt and psi = 0, of the block with its bob; 1 means no loss. None
     means that it follows from `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in gradients."""
     kappa: Number
-    """Height of the hinge above the base over the half height of the block, up to 4; 2 is the top of the block,
-    as in the paper, and a mast has more."""
+    """Height of the hinge above the base over the half height of the block, up to 4. The paper has 2, the top
+    of the block; a mast has more."""
 
     def __init__(
         self,

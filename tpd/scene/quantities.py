@@ -39,9 +39,9 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_damping": ("zeta",),
     "pendulum_hinge_height": ("kappa",),
 }
-"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -, m), each with the parameters that depend
-on it. With Housner's restitution e also depends on width, height and both masses, and the height of the block
-moves kappa if that of the hinge is stated: see `Setup.moved`."""
+"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -, m), each with the parameters that
+depend on it. With Housner's restitution e also depends on width, height and both masses, and the height of
+the block moves kappa if that of the hinge is stated: see `Setup.moved`."""
 _OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
 """Quantities on which Housner's restitution depends."""
 UNITS = {

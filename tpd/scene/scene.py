@@ -88,8 +88,8 @@ class Block:
     width: Real
     """Width of the base, m."""
     height: Real
-    """Height of the block, m; the hinge of the pendulum is at the middle of the top unless the pendulum states
-    another height."""
+    """Height of the block, m; the hinge of the pendulum is at the middle of the top unless its height is
+    stated."""
     mass: Real
     """Mass of the block, kg."""
     friction: Real = 0.0

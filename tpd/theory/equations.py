@@ -2,8 +2,8 @@
 
 Let s be the sign of the tilt phi, sigma the sign of its rate, and let primes denote d/dtau:
 
-    [1 + mu rho (kappa^2 + nu^2)] phi'' - kappa mu rho lam psi'' - (1 + kappa mu) phi + mu lam c_p (phi' - psi')
-        = -s (1 + mu) nu - sigma k - f (1 + kappa mu) sin(xi tau)
+    [1 + mu rho (kappa^2 + nu^2)] phi'' - kappa mu rho lam psi'' - (1 + kappa mu) phi
+        + mu lam c_p (phi' - psi') = -s (1 + mu) nu - sigma k - f (1 + kappa mu) sin(xi tau)
     -kappa rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
 
 `Linear` holds these coefficients, and every solver of (25) uses it. `Equations` is the vector field of (25),

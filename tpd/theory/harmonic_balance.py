@@ -3,8 +3,8 @@
 With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp(i theta), |F| = f:
 
     D = 1 - lam rho xi^2 + i xi c_p,   h = kappa mu rho lam xi^2 - i xi mu lam c_p,   B = 1 + kappa mu + h/D
-    A = -[1 + mu rho (kappa^2 + nu^2)] xi^2 - (1 + kappa mu) + i xi mu lam c_p - h (kappa rho xi^2 - i xi c_p)/D
-        + i (64/pi^3) (1 - e)/(1 + e) (1 + mu rho nu^2) xi^2
+    A = -[1 + mu rho (kappa^2 + nu^2)] xi^2 - (1 + kappa mu) + i xi mu lam c_p
+        - h (kappa rho xi^2 - i xi c_p)/D + i (64/pi^3) (1 - e)/(1 + e) (1 + mu rho nu^2) xi^2
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] = 0
 
 The last term of A is the loss at impacts. A light block falls back almost at constant acceleration, so that
