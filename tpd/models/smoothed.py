@@ -37,8 +37,8 @@ Field = Callable[[Any, State, Any], State]
 def rocking_scale(p: Parameters) -> Number:
     """Return the tilt (rad) of free rocking at the forcing frequency, for one harmonic and a bob at rest.
 
-    It is (4/pi)(1 + mu) nu / ([1 + mu rho (kappa^2 + nu^2)] xi^2 + 1 + kappa mu), which follows from (27) with
-    f = 0.
+    It is (4/pi)(1 + mu) nu / ([1 + mu rho (kappa^2 + nu^2)] xi^2 + 1 + kappa mu), which follows from (27)
+    with f = 0.
     """
     linear = Linear(p)
     return (4.0 / jnp.pi) * linear.weight / (linear.m11 * p.xi**2 + linear.tilt)
