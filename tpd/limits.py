@@ -374,14 +374,14 @@ class Clearance(Limit):
         """Return the sizes of the bob: distance from the axis, thickness and depth, each over its limit.
 
         The second is half the height of the bob over the largest value that the rod allows. The third is the
-        depth of the lower end below the hinge over the height of the block.
+        depth of the lower end below the hinge over the height of the hinge above the base.
         """
         exists, mass, rod = replace(geometry, bob=self.bob).body(design)
         high = self.bob.half_height(mass)
         # If no body swings like the point pendulum, `~exists` adds 1, and the bob counts as too thick.
         sizes = {
             THICKNESS: high / (THICKEST * rod) + ~exists,
-            DEPTH: (rod + high) / (2.0 * geometry.half_height),
+            DEPTH: (rod + high) / (geometry.hinge_ratio * geometry.half_height),
         }
         return super().sizes(motion, design, geometry) | sizes
 

@@ -51,6 +51,10 @@ SCENES = {
         parameters(nu=0.2, mu=0.1, lam=0.1, zeta=0.05, k=0.02, f=0.28, xi=3.2, rho=None, e=0.92),
         (0, 0, 0.1, 0),
     ),
+    "hinge at mid-height": (
+        parameters(nu=0.2, mu=0.1, lam=0.5, zeta=0.2, k=0.02, f=0.3, xi=4.0, rho=None, e=0.9, kappa=1.0),
+        (0, 0, 0, 0),
+    ),
     "overturns": (parameters(mu=0.02, zeta=0.3, f=0.2, xi=3.0), (-0.05, 0.2, 0, 0)),
 }
 FOLLOW = """({ p, start, times }) => {
@@ -96,7 +100,7 @@ def test_the_excitation_of_a_run_grows_from_its_phase():
 
 def plain(p: tpd.Parameters) -> dict[str, float]:
     """Parameters by name, as the page has them."""
-    own = {name: float(getattr(p, name)) for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi")}
+    own = {name: float(getattr(p, name)) for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "kappa")}
     return own | {"rho": float(p.inertia_ratio), "e": float(p.velocity_ratio)}
 
 

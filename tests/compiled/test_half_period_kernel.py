@@ -33,7 +33,7 @@ def test_the_quantities_that_vanish_where_orbits_end_have_the_derivatives_of_dif
         for i, step in enumerate(1e-4 * np.maximum(np.abs(point), 0.1)):
             if i == 3 + E and x[E] > 1.0 - 3e-4:
                 continue
-            at = [point + n * step * (np.arange(12) == i) for n in (-2, -1, 1, 2)]
+            at = [point + n * step * (np.arange(len(point)) == i) for n in (-2, -1, 1, 2)]
             at = [orbits.vanishing(z[:3], z[3:]).values for z in at]
             expected = (8.0 * (at[2] - at[1]) - (at[3] - at[0])) / (12.0 * step)
             by = np.hstack([found.by_u, found.by_x])[:, i]

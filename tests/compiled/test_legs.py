@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.compiled.shaken import Case, operands, record
 from tests.reference import differences
-from tpd.compiled.columns import XI
+from tpd.compiled.columns import WIDTH, XI
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing, follow
 
@@ -20,7 +20,7 @@ NOISE = record(np.append(0.0, 4.0 * np.random.default_rng(4).standard_normal(40)
 
 def results(z, pieces, free=1.5):
     """Numbers of a run as a function of its row and its start."""
-    found = follow(tpd.Terms.linear, z[:9], GroundForcing([pieces], free), y0=z[9:])
+    found = follow(tpd.Terms.linear, z[:WIDTH], GroundForcing([pieces], free), y0=z[WIDTH:])
     sizes = found.tilt, found.swing, found.rod_angle
     return jnp.stack([*sizes, *found.state, found.growing, *found.times, found.uplift_time])
 
@@ -34,7 +34,7 @@ def test_every_number_has_the_derivatives_of_differences(motion):
     # vanishes, see `critical_scale`.
     sure = np.isfinite(by).all(axis=1) & (np.arange(12) != 7)
     assert np.sum(sure) >= 8
-    for j in range(13):
+    for j in range(WIDTH + 4):
         expected = differences(lambda z: np.asarray(results(z, pieces)), point, j, share=2e-5)
         # Derivatives pass through tens of impacts, and those of the end through all of them.
         for i in np.flatnonzero(sure & np.isfinite(values)):

@@ -8,7 +8,7 @@ import pytest
 from tests.compiled.orbit_cases import ROWS
 from tests.reference import parameters
 from tpd.compiled import orbits as engine
-from tpd.compiled.columns import SIZES
+from tpd.compiled.columns import SIZES, WIDTH
 from tpd.compiled.rows import row_of
 
 X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:40]])
@@ -29,8 +29,8 @@ def test_a_batch_is_its_designs_on_any_number_of_threads():
 
 def test_slopes_are_linear_in_the_direction_and_nan_where_not_requested():
     orbits = engine.solve_orbits(X)
-    basis = np.broadcast_to(np.eye(9), (len(X), 9, 9))
-    along = np.broadcast_to(np.linspace(0.1, 0.9, 9), (len(X), 1, 9))
+    basis = np.broadcast_to(np.eye(WIDTH), (len(X), WIDTH, WIDTH))
+    along = np.broadcast_to(np.linspace(0.1, 0.9, WIDTH), (len(X), 1, WIDTH))
     every = engine.orbit_slopes(X, orbits, basis, (0, 11))
     one = engine.orbit_slopes(X, orbits, along, (0, 3))[:, :, 0]
     there = np.isfinite(every[:, :, 0, 0])

@@ -210,9 +210,9 @@ class _Equations(NamedTuple):
     by_z: np.ndarray
     """Derivatives in the unknowns, shape (3, 4)."""
     by_x: np.ndarray
-    """Derivatives in the parameters, shape (3, 9)."""
+    """Derivatives in the parameters, shape (3, 10)."""
     x: np.ndarray
-    """Parameters, shape (9,)."""
+    """Parameters, shape (10,)."""
 
 
 class _Folds(NamedTuple):

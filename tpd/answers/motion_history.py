@@ -148,10 +148,12 @@ def motion_history(
     up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
     rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
     mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
-    m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
-    # A positive tilt moves the top to the left, and a positive rod angle moves the bob to the right.
-    # The accelerations of top and centre of mass follow from the geometry; see the equations above.
-    across = m * (base - height * up + length * swinging)
+    m, length, hinge = 0.0, 0.0, height
+    if pendulum is not None:
+        m, length, hinge = map(float, (pendulum.mass, pendulum.length, pendulum.hinge_in(scene.block)))
+    # A positive tilt moves the hinge to the left, and a positive rod angle moves the bob to the right.
+    # The accelerations of hinge and centre of mass follow from the geometry; see the equations above.
+    across = m * (base - hinge * up + length * swinging)
     lifting = float(scene.gravity) + 0.5 * width * states["side"] * up
     return MotionHistory(
         clock,

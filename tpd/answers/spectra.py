@@ -172,6 +172,7 @@ def rocking_spectrum(
     mass_ratio: checks.Real | None = None,
     length_ratio: checks.Real = 0.5,
     damping_ratio: checks.Real = 0.1,
+    hinge_ratio: checks.Real = 2.0,
     gravity: checks.Real = STANDARD_GRAVITY,
     free: checks.Real = FREE,
     cluster: Cluster | None = None,
@@ -186,6 +187,7 @@ def rocking_spectrum(
         mass_ratio: mass of the bob divided by that of the block; None for no pendulum.
         length_ratio: length of the rod divided by the half height of the block.
         damping_ratio: damping ratio of the pendulum.
+        hinge_ratio: height of the hinge divided by the half height of the block; 2 is the top.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after the ground motion, s.
         cluster: processes or machines instead of threads.
@@ -212,7 +214,10 @@ def rocking_spectrum(
     # The ratios are converted with the size of the given block. They are the same for every other size.
     if mass_ratio is not None:
         pendulum = scene.pendulum(
-            mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio
+            mass_ratio=mass_ratio,
+            length_ratio=length_ratio,
+            damping_ratio=damping_ratio,
+            hinge_height=hinge_ratio * block.half_height,
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times

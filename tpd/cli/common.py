@@ -128,7 +128,8 @@ def read_case(options: argparse.Namespace) -> Case:
             pair = f"{options.job} and {options.scene}"
             raise ValueError(f"JOB and --scene must name the same job file, but are {pair}")
         job = jobs.job_of(*jobs.merge_tables({} if not paths else jobs.read_tables(*paths.values()), tables))
-        return Case(job, read_pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
+        has_pendulum, height = hasattr(options, "pendulum_mass"), job.space.hinge_height
+        return Case(job, read_pendulum(options, job.block, height) if has_pendulum else None)
     if name.suffix == ".toml" and name.is_file():
         raise ValueError(f"{name} is a job file, but DESIGN is the folder of a report: write --scene {name}")
     # A design may be combined with another pulse or record, and with a friction of the base.
@@ -176,12 +177,13 @@ def print_header(
     progress.say("\n".join((*notes, *lines)), sys.stdout)
 
 
-def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
+def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) -> Pendulum | None:
     """Return the pendulum of the options, or None without one.
 
     Args:
         options: mass and length in SI units or as ratios. The options of `tpd map` may vary one of them.
         block: block to which the ratios refer.
+        hinge: height of the hinge above the base, m; None for the top.
 
     Raises:
         ValueError: mass or length is missing, the bob is heavier than the block, the rod is longer than the
@@ -205,10 +207,12 @@ def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
         raise ValueError("the pendulum has no mass: give --pendulum-mass or --mass-ratio as well")
     if length is None:
         raise ValueError("the pendulum has no length: give --pendulum-length or --length-ratio as well")
+    longest = (block.height, "the height of the block in m")
+    longest = longest if hinge is None else (hinge, "the height of the hinge in m")
     bounds = {
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
         "--mass-ratio": (mu, *LARGEST["mu"]),
-        "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
+        "--pendulum-length": (options.pendulum_length, *longest),
         "--length-ratio": (lam, *LARGEST["lam"]),
     }
     for flag, (value, largest, meaning) in bounds.items():
@@ -216,7 +220,8 @@ def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
             checks.at_most(flag, value, largest, meaning)
     if damping is not None:
         check_damping("--pendulum-damping", damping)
-    return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
+    damping = 0.1 if damping is None else damping
+    return Pendulum(mass=mass, length=length, damping_ratio=damping, hinge_height=hinge)
 
 
 def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:

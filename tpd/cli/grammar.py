@@ -51,7 +51,7 @@ RECORDS = (*_options("excitation", "records scales intensity event"), *READING)
 _NO_WALLS = "no walls around the bob: no limit on clearance"
 NO_WALLS = Option("limits", "clearance", "--no-walls", value=False, help=_NO_WALLS)
 DESIGN = (
-    *_options("space", "mass_ratio length_ratio mass length damping_ratio"),
+    *_options("space", "mass_ratio length_ratio mass length damping_ratio hinge_height"),
     *_options("limits", "stroke"),
     *_options("bob", "shape"),
     NO_WALLS,
@@ -151,6 +151,7 @@ def _add_case(command: Parser, *motions: Option) -> None:
     _add_number(length, "--pendulum-length", "M", "length of the pendulum, m")
     _add_number(length, "--length-ratio", "LAM", "length ratio: pendulum divided by half the block height")
     _add_number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
+    Option("space", "hinge_height").add(group)
 
 
 def _add_out(command: Parser, default: str | None, text: str = "folder for the results") -> None:

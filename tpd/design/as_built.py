@@ -24,7 +24,7 @@ from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import Rule, follow_guess
-from tpd.design.problem import Variation
+from tpd.design.problem import Problem, Variation
 from tpd.design.reasons import DesignStatus
 from tpd.design.transfer import Transfer, transfer_of
 from tpd.design.wider_base import WiderBase, Worth, wider_bases, worth_of
@@ -271,6 +271,9 @@ class Details(Printed):
     responses: tuple[Response, ...] = ()
     """Settled response over frequency after a start from rest, without a pendulum and with the one that is
     offered. It is computed only if the conditions differ in the motion of the base alone."""
+    lower_hinge: PairedRuns | None = None
+    """The same runs with the hinge at mid-height; None if it is not above that height, or if its rod is
+    longer."""
     wider_bases: tuple[WiderBase, ...] = ()
     """The block without a pendulum on wider bases; empty if there are no validation runs."""
     rule: Rule | None = None
@@ -326,6 +329,7 @@ def details(
         sensitivity=sensitivity_of(design, progress),
         losses=losses_of(design, progress),
         bases=bases_of(design),
+        lower_hinge=lower_hinge_of(design),
         wider_bases=bases,
         rule=follow_guess(problem, runs.with_pendulum.seed) if runs else None,
         worth=worth_of(runs, measure, bases) if runs else None,
@@ -382,8 +386,9 @@ def build_of(design: Design) -> Build | None:
     # Rod and hinge carry the whole body. The part that does not swing is assumed to pull like the rest.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # The condition of uplift is |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`. For a very slow excitation
-    # |B| is 1 + 2 mu, for a very fast one it is 1.
+    # |B| is 1 + kappa mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
+    kappa = float(pendulum.hinge_in(block) / block.half_height)
     build = Build(
         bob=bob,
         mass=body,
@@ -402,7 +407,10 @@ def build_of(design: Design) -> Build | None:
         weight=body * (1.0 + rod_share) * g,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
         lifts=problem.lifts(pendulum),
-        lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
+        lifts_slow_fast=(
+            capacity / (1.0 + float(pendulum.hinge_in(block) / block.half_height) * mu),
+            capacity,
+        ),
         pull=pull_test(scene),
     )
     return replace(build, parts=parts_of(build, mass * length**2)) if math.isfinite(body) else build
@@ -495,9 +503,25 @@ def bases_of(design: Design) -> tuple[PairedRuns, ...]:
     return tuple(_compare(design, None, Conditions({"slenderness": np.array([x])})) for x in (1.0, NARROW))
 
 
-def _compare(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
-    """Return paired runs of the linear equations in a changed scene or under a further condition."""
-    problem, pendulum = design.problem, design.pendulum
+def lower_hinge_of(design: Design) -> PairedRuns | None:
+    """Return paired runs with the hinge at mid-height, see `Details.lower_hinge`."""
+    block, pendulum, problem = design.scene.block, design.pendulum, design.problem
+    middle = float(block.half_height)
+    if pendulum is None or not pendulum.length <= middle < pendulum.hinge_in(block):
+        return None
+    space = problem.space.with_ratios(hinge_height=middle)
+    return _compare(design, problem=replace(problem, space=space))
+
+
+def _compare(
+    design: Design,
+    scene: Scene | None = None,
+    more: Conditions | None = None,
+    problem: Problem | None = None,
+) -> PairedRuns:
+    """Return paired runs of the linear equations in a changed scene or problem, or under a further
+    condition."""
+    problem, pendulum = problem or design.problem, design.pendulum
     assert pendulum is not None
     varied = Variation(Terms.linear.value, scene, more)
     return problem.paired_runs(problem.ratios(pendulum), problem.run_seed(_SEED), varied)

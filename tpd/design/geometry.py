@@ -67,9 +67,13 @@ class Geometry:
     """Shape and density of the bob."""
     gravity: Any = STANDARD_GRAVITY
     """Acceleration of gravity, m/s^2."""
+    hinge_ratio: Any = 2.0
+    """Height of the hinge above the base over half the height of the block, kappa."""
 
     @staticmethod
-    def of(scene: Scene, conditions: Conditions, bob: Bob | None = None) -> Geometry:
+    def of(
+        scene: Scene, conditions: Conditions, bob: Bob | None = None, hinge_ratio: float = 2.0
+    ) -> Geometry:
         """Return the geometry of a scene under all conditions. The default bob is a ball of steel."""
         block, slenderness = scene.block, conditions.column("slenderness")
         return Geometry(
@@ -81,6 +85,7 @@ class Geometry:
             length_factor=conditions.column("length"),
             bob=Bob() if bob is None else bob,
             gravity=float(scene.gravity),
+            hinge_ratio=hinge_ratio,
         )
 
     def rod(self, design: Ratios) -> Any:

@@ -429,7 +429,8 @@ class GroundMotionProblem(Problem):
         unit = Scene(scene.block, _UNIT, scene.gravity)
         # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}
-        q = under_all(unit.ground_parameters(), design[None], replace(conditions, factors=factors))
+        p = replace(unit.ground_parameters(), kappa=self.hinge_ratio)
+        q = under_all(p, design[None], replace(conditions, factors=factors))
         # The parameters were computed for a peak of 1 m/s^2: scale f by the peaks, and the pieces by their
         # durations.
         f = np.array([float(x.pga) for x in motions])

@@ -150,6 +150,11 @@ class HarmonicProblem(Problem):
         """See `Problem.rest_counts`."""
         return self.starts.kind is StartKind.rest
 
+    @property
+    def _massless(self) -> Parameters:
+        """Parameters of the block with a bob of no mass at the hinge of the designs."""
+        return as_arrays(replace(self.scene.parameters(), kappa=self.hinge_ratio))
+
     @cached_property
     def model(self) -> Any:
         """Model that gives the gradients of the descents.
@@ -159,7 +164,7 @@ class HarmonicProblem(Problem):
         """
         # Housner's coefficient of restitution is smallest for the heaviest bob, so check that end of the
         # space.
-        heaviest = under_all(as_arrays(self.scene.parameters()), self.space.ends[1:], self.conditions)
+        heaviest = under_all(self._massless, self.space.ends[1:], self.conditions)
         # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
         is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH)
         named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if is_smooth else Piecewise()}
@@ -205,7 +210,7 @@ class HarmonicProblem(Problem):
     @cached_property
     def orbits(self) -> Orbits:
         """Symmetric orbits of designs under all conditions."""
-        common = as_arrays(self.scene.parameters()), self.conditions, self.space, self.risk, self.limits
+        common = self._massless, self.conditions, self.space, self.risk, self.limits
         orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
         # Limits that compare with the block without a pendulum need its tilts.
         return orbits.compared_without_pendulum()

@@ -268,12 +268,18 @@ class Problem(ABC):
     @cached_property
     def geometry(self) -> Geometry:
         """Lengths of the block under all conditions, with the bob of the limits."""
-        return Geometry.of(self.scene, self.conditions, bob_of(self.limits))
+        return Geometry.of(self.scene, self.conditions, bob_of(self.limits), self.hinge_ratio)
+
+    @property
+    def hinge_ratio(self) -> float:
+        """Height of the hinge over half the height of the block, kappa."""
+        return self.space.hinge_ratio(self.scene.block)
 
     def pendulum(self, design: np.ndarray) -> Pendulum:
         """Return a design (mu, lam, zeta) in SI units."""
         mu, lam, zeta = map(float, design)
-        return self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+        height = self.space.hinge_height
+        return self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta, hinge_height=height)
 
     def ratios(self, pendulum: Pendulum) -> np.ndarray:
         """Return the design (mu, lam, zeta) of a pendulum in SI units."""

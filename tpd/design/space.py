@@ -12,6 +12,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube
 from tpd.scene.ensemble import Ensemble
+from tpd.scene.parameters import HIGHEST_HINGE
 from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
 
 HEAVIEST_RATIO = 1.0
@@ -46,7 +47,8 @@ class DesignSpace:
     `tpd.limits.Mass`, or in a job file the key `mass` of [limits].
 
     The fields are the ratios `mass_ratio` (m/M), `length_ratio` (l/b) and `damping_ratio` (zeta), without
-    unit, and instead of the first two `mass` in kg and `length` in m.
+    unit, and instead of the first two `mass` in kg and `length` in m. `hinge_height` in m is one number. It
+    is no variable of the search, because a higher hinge is better under earthquakes.
 
     Raises:
         ValueError: a bound is out of range, bounds are reversed or equal, a ratio is given together with its
@@ -74,8 +76,13 @@ class DesignSpace:
     """Length of the equivalent point pendulum in m, instead of the length ratio: one fixed number, or two
     bounds (the rod of the body as built is shorter)."""
 
+    hinge_height: checks.Real | None = None
+    """Height of the hinge above the base in m, up to twice the height of the block (default: its top)."""
+
     table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
     """Bounds as they were stated, as in the table [space] of a job file."""
+    longest: float = field(init=False, compare=False, repr=False, default=LONGEST_RATIO)
+    """Largest length ratio, with which the bob does not hang below the base."""
 
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
@@ -91,6 +98,9 @@ class DesignSpace:
             check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
             checks.set_checked(self, check, name, *_RANGES[name])
         self.table.update({name: getattr(self, name) for name in names})
+        if self.hinge_height is not None:
+            checks.set_checked(self, checks.positive, "hinge_height", *LENGTHS)
+            self.table["hinge_height"] = self.hinge_height
         if not any(isinstance(getattr(self, name), tuple) for name in names):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
@@ -101,23 +111,40 @@ class DesignSpace:
         """Return the space of a block, with ratios instead of values in SI units.
 
         Raises:
-            ValueError: the bob is heavier than the block, or the length is out of range.
+            ValueError: the bob is heavier than the block, the length is out of range, or the hinge is above
+                twice the height of the block.
         """
-        out: dict[str, Any] = {}
+        out, kappa = dict[str, Any](), self.hinge_ratio(block)
+        if kappa > HIGHEST_HINGE:
+            most = f"twice the height of the block, {2.0 * block.height:g} m"
+            raise ValueError(f"`hinge_height` must be at most {most}, but is {self.hinge_height:g} m")
+        longest = min(LONGEST_RATIO, kappa)
         for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
             value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
+            high = longest if name == "length" else high
             if value is not None:
                 # Check each bound separately, so that the message contains the bound that is out of range.
                 for x in np.ravel(value).tolist():
                     checks.within(name, x, low * size, high * size, f" {unit} in this block")
                 # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
-        return self.with_ratios(**out)
+        if self.length_ratio == USUAL_BOUNDS["length_ratio"] and kappa > self.length_ratio[0]:
+            # The usual bounds end where the bob would hang below the base.
+            out["length_ratio"] = (self.length_ratio[0], min(self.length_ratio[1], longest))
+        for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
+            checks.at_most("length_ratio", x, longest, "the height of the hinge over half that of the block")
+        object.__setattr__(space := self.with_ratios(**out), "longest", longest)
+        return space
+
+    def hinge_ratio(self, block: Block) -> float:
+        """Return the height of the hinge over half the height of a block, kappa."""
+        return 2.0 if self.hinge_height is None else float(self.hinge_height / block.half_height)
 
     def with_ratios(self, **bounds: Any) -> DesignSpace:
         """Return the space with other bounds that follow from the stated ones, whose table it keeps."""
         out = replace(self, **bounds)
         object.__setattr__(out, "table", self.table)
+        object.__setattr__(out, "longest", self.longest)
         return out
 
     @property
@@ -158,7 +185,9 @@ class DesignSpace:
         name = (*TWINS.values(), "damping_ratio")[column]
         # The largest range of a pendulum also limits a wider space.
         ends = self.ends[:, column].tolist()
-        ends[side] = float(np.clip(ends[side] * (0.5, 2.0)[side], *_RANGES[name]))
+        least, most = _RANGES[name]
+        most = self.longest if name == "length_ratio" else most
+        ends[side] = float(np.clip(ends[side] * (0.5, 2.0)[side], least, most))
         return self.with_ratios(**{name: tuple(ends)})
 
     def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:

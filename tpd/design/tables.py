@@ -340,6 +340,7 @@ TABLES: dict[str, dict[str, Key]] = {
         DesignSpace,
         **{"mass_ratio": "LO HI", "length_ratio": "LO HI", "damping_ratio": "--damping LO HI"},
         **{"mass": "--pendulum-mass LO HI", "length": "--pendulum-length LO HI"},
+        hinge_height="M",
     ),
     "conditions": keys_of(_Conditions),
     "scatter": of_ground_motions({name: Key(type=float, help=(Ensemble, name)) for name in FACTORS}),

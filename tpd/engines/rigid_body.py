@@ -57,6 +57,8 @@ class RigidBody:
     """Moment of the dry friction of rocking, N m."""
     bob: float
     """Mass of the bob, kg; 0 without a pendulum."""
+    hinge: float
+    """Height of the hinge of the pendulum above the base, m."""
     rod: float
     """Length of the rod, m."""
     damping: float
@@ -126,6 +128,7 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
         inertia=mass * gyration2,
         friction=float(p.k) * mass * g * b,
         bob=mu * mass,
+        hinge=float(p.kappa) * b,
         rod=rod,
         damping=damping,
         gravity=g,

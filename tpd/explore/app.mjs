@@ -381,7 +381,9 @@ function drawDesign(angle, source, body) {
   const whole = Math.min((high - 20) / height, (0.4 * width) / scene.width);
   const depth = 1.25 * (body.rod + body.half);
   const near = Math.min((high - 30) / depth, (0.5 * width) / scene.width);
-  const parts = [[0, 0.22 * width, high - 10, whole], [0.45 * width, 0.73 * width, 24 + near * height, near]];
+  // The second part is around the hinge.
+  const bottom = 24 + near * scene.kappa * scene.halfHeight;
+  const parts = [[0, 0.22 * width, high - 10, whole], [0.45 * width, 0.73 * width, bottom, near]];
   for (const [left, middle, bottom, scale] of parts) {
     c.save();
     c.beginPath();

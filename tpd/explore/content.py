@@ -21,7 +21,7 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
-from tpd.design.space import HEAVIEST_RATIO, LONGEST_RATIO
+from tpd.design.space import HEAVIEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
@@ -176,6 +176,7 @@ def block_numbers(problem: Problem) -> dict[str, Any]:
         "rate": float(scene.rate),
         "mass": float(block.mass),
         "halfHeight": float(block.half_height),
+        "kappa": problem.hinge_ratio,
         "width": float(block.width),
         # Without a cavity the search has no limit on the clearance, and the drawing no walls.
         "cavity": None if block.cavity_width is None else float(block.cavity_width),
@@ -204,7 +205,8 @@ def _first_pendulum(problem: Problem, answer: Answer) -> Pendulum:
     low, high = _space(problem).T
     # Ratios span decades: their geometric mean is in the middle.
     mass, length = np.sqrt(low * high)[:2].tolist()
-    return Pendulum(mass=mass, length=length, damping_ratio=float(low[2] + high[2]) / 2.0)
+    zeta, height = float(low[2] + high[2]) / 2.0, problem.space.hinge_height
+    return Pendulum(mass=mass, length=length, damping_ratio=zeta, hinge_height=height)
 
 
 def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]:
@@ -226,7 +228,7 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
     # The names are those of the controls of the page.
     return {
         "mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
-        "length": wide(length, float(start.length), LONGEST_RATIO * float(block.half_height)),
+        "length": wide(length, float(start.length), problem.space.longest * float(block.half_height)),
         # A hinge without damping has a range as well.
         "damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
     }

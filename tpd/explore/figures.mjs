@@ -147,7 +147,8 @@ export function drawBlock(c, scene, body, tilt, pendulums) {
     c.fillRect(-width / 2, 0, width, height);
     if (width) c.strokeRect(-width / 2, 0, width, height);
   }
-  // The angle of the bob is measured from the vertical, and the block is tilted.
+  // The hinge may be below or above the top. The angle of the bob is measured from the vertical.
+  c.translate(0, height - scene.kappa * scene.halfHeight);
   if (body) for (const [swing, color] of pendulums) drawPendulum(c, scene, body, swing - tilt, color);
   c.restore();
 }

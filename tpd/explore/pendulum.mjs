@@ -10,10 +10,10 @@ const TURNS = 50; // Steps of Newton's method for the rod of the body; it stops 
 
 /** Return the dimensionless parameters under a harmonic { amplitude, frequency }; without a pendulum mu is 0. */
 export function parameters(scene, motion, pendulum = null) {
-  const { nu, rho, k, restitution, gravity, rate, mass, halfHeight } = scene;
+  const { nu, rho, k, restitution, gravity, rate, mass, halfHeight, kappa } = scene;
   const mu = pendulum ? pendulum.mass / mass : 0, omega = 2 * Math.PI * motion.frequency;
   return {
-    nu, rho, k, mu,
+    nu, rho, k, mu, kappa,
     lam: pendulum ? pendulum.length / halfHeight : 1,
     zeta: pendulum ? pendulum.damping : 0.3,
     f: "peak" in motion ? motion.peak / gravity : (motion.amplitude * omega ** 2) / gravity,
@@ -29,8 +29,8 @@ export function parameters(scene, motion, pendulum = null) {
 export function atRest(p) {
   const c = 2 * p.zeta * Math.sqrt(p.lam * p.rho), square = p.lam * p.rho * p.xi ** 2;
   const real = 1 - square, imaginary = p.xi * c, size = real ** 2 + imaginary ** 2;
-  const hReal = 2 * p.mu * square, hImaginary = -p.xi * p.mu * p.lam * c;
-  const bReal = 1 + 2 * p.mu + (hReal * real + hImaginary * imaginary) / size;
+  const hReal = p.kappa * p.mu * square, hImaginary = -p.xi * p.mu * p.lam * c;
+  const bReal = 1 + p.kappa * p.mu + (hReal * real + hImaginary * imaginary) / size;
   const bImaginary = (hImaginary * real - hReal * imaginary) / size;
   const margin = 1 - (p.f * Math.hypot(bReal, bImaginary)) / ((1 + p.mu) * p.nu + p.k);
   return { margin, tilt: 0, swing: p.f / Math.sqrt(size) };
@@ -82,7 +82,7 @@ export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene
   if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {
     add("thickness", half / (0.6 * rod) + (exists ? 0 : 1));
-    add("depth", (rod + half) / (2 * scene.halfHeight));
+    add("depth", (rod + half) / (scene.kappa * scene.halfHeight));
     add("clearance", reachOf(scene, body, angle) / (0.5 * scene.cavity));
   }
   if (!motion) return shares;

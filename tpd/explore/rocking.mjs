@@ -1,6 +1,6 @@
 // The nonlinear equations (4) of block and pendulum with friction and impacts, without any access to the page.
 //
-// Symbols are those of the package: nu, mu, lam, zeta, k, f, xi, rho, e. Time is tau = omega_0 t, and a state is
+// Symbols are those of the package: nu, mu, lam, zeta, k, f, xi, rho, e, kappa. Time is tau = omega_0 t, and a state is
 // [phi, psi, phi', psi']. The equations are those of tpd/theory/equations.py, the impacts those of
 // tpd/scene/impacts.py, and the contact modes and events those of tpd/compiled/nonlinear_entry.py. The load is minus the
 // base acceleration over g: a positive acceleration tilts the block to positive phi.
@@ -18,9 +18,9 @@ function coefficients(p) {
   const hinge = 2 * p.zeta * Math.sqrt(p.lam * p.rho);
   return {
     ...p,
-    up: 1 + 2 * p.mu,
+    up: 1 + p.kappa * p.mu,
     weight: (1 + p.mu) * p.nu,
-    inertia: 1 + p.mu * p.rho * (4 + p.nu ** 2),
+    inertia: 1 + p.mu * p.rho * (p.kappa ** 2 + p.nu ** 2),
     pull: p.mu * p.rho * p.lam,
     swing: p.lam * p.rho,
     hinge,
@@ -41,8 +41,8 @@ function swingUnderHeldBlock(c, y, load) {
 /** Return phi'' and psi'' of a block that rocks about the corner of the sign `side`; `way` is the sign of phi'. */
 function accelerations(c, y, side, way, load) {
   const [phi, psi, rate, bobRate] = y, sin = Math.sin(phi), cos = Math.cos(phi), apart = phi - psi;
-  const bigS = side * c.nu * Math.sin(apart) + 2 * Math.cos(apart);
-  const bigC = side * c.nu * Math.cos(apart) - 2 * Math.sin(apart);
+  const bigS = side * c.nu * Math.sin(apart) + c.kappa * Math.cos(apart);
+  const bigC = side * c.nu * Math.cos(apart) - c.kappa * Math.sin(apart);
   const onBlock = c.up * sin - side * c.weight * cos - load * (side * c.weight * sin + c.up * cos)
     - c.pull * bigC * bobRate ** 2 - way * c.k - c.drag * (rate - bobRate);
   const onBob = load * Math.cos(psi) - Math.sin(psi) + c.rho * bigC * rate ** 2 + c.hinge * (rate - bobRate);
@@ -56,8 +56,8 @@ function accelerations(c, y, side, way, load) {
 /** Return the moment on a block that is held, less the moment of its weight about the corner `side`. */
 function excess(c, y, side, load) {
   const [phi, psi, , bobRate] = y, apart = phi - psi;
-  const bigS = side * c.nu * Math.sin(apart) + 2 * Math.cos(apart);
-  const bigC = side * c.nu * Math.cos(apart) - 2 * Math.sin(apart);
+  const bigS = side * c.nu * Math.sin(apart) + c.kappa * Math.cos(apart);
+  const bigC = side * c.nu * Math.cos(apart) - c.kappa * Math.sin(apart);
   const weight = side * c.weight, sin = Math.sin(phi), cos = Math.cos(phi);
   return c.up * sin - weight * cos - load * (weight * sin + c.up * cos)
     + c.drag * bobRate + c.pull * (bigS * swingUnderHeldBlock(c, y, load) - bigC * bobRate ** 2);
@@ -66,9 +66,10 @@ function excess(c, y, side, load) {
 /** Return phi' after an impact over phi' before it; `side` is the sign of the tilt before the impact. */
 function velocityRatio(c, side, psi) {
   const sine = Math.sin(psi), cosine = Math.cos(psi), share = c.mu * c.rho;
-  const before = 2 * sine + side * c.nu * cosine, after = 2 * sine - side * c.nu * cosine;
+  const high = c.kappa * sine, wide = side * c.nu * cosine, before = high + wide, after = high - wide;
   const inertia = 1 + share * after ** 2;
-  const turn = c.e * ((c.nu ** 2 - 4) * sine + 4 * side * c.nu * cosine) + (4 + c.nu ** 2) * sine;
+  const square = c.kappa ** 2, twice = 2 * c.kappa;
+  const turn = c.e * ((c.nu ** 2 - square) * sine + twice * side * c.nu * cosine) + (square + c.nu ** 2) * sine;
   // A bob far from the axis must not give energy to the block: the ratio has an upper bound.
   const most = Math.sqrt((1 + share * before ** 2) / inertia);
   return c.e >= 1 ? c.e : Math.min(c.e + (share * sine * turn) / inertia, most);
@@ -77,7 +78,7 @@ function velocityRatio(c, side, psi) {
 /** Return the change of psi' in an impact, over phi' before it. */
 function bobChange(c, ratio, side, psi) {
   const upwards = c.e === 1 ? 0 : side * c.nu * Math.sin(psi) * (ratio + 1);
-  return (2 * Math.cos(psi) * (ratio - 1) + upwards) / c.lam;
+  return (c.kappa * Math.cos(psi) * (ratio - 1) + upwards) / c.lam;
 }
 
 /** Return Housner's velocity ratio of a block with a bob below its hinge. */
@@ -114,7 +115,7 @@ export class Motion {
     this.impacts = 0;
     this.overturned = this.stalled = this.hasEnded = false;
     // A pendulum on a block that is free to move swings faster than one on a fixed hinge.
-    const bob = Math.sqrt((this.c.lam * p.rho) / (1 + 4 * p.mu));
+    const bob = Math.sqrt((this.c.lam * p.rho) / (1 + p.kappa ** 2 * p.mu));
     this.step = (2 * Math.PI * Math.min(1, bob, 1 / p.xi)) / STEPS;
     this.decide(Math.sign(start[0]), Math.sign(start[2]), this.load(this.tau));
   }

@@ -50,15 +50,17 @@ def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
     return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot + np.array([base, 0.0])
 
 
-def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
+def rod(block: np.ndarray, length: float, angle: float, share: float = 1.0) -> np.ndarray:
     """Return the positions of hinge and bob, m, shape (2, 2).
 
     Args:
-        block: corners of the block, see `corners`; the hinge is in the middle of its top.
+        block: corners of the block, see `corners`; the hinge is on its axis.
         length: distance from the hinge to the bob, m.
         angle: bob angle from the vertical, rad. At a positive angle the bob is to the right of the hinge.
+        share: height of the hinge over that of the block.
     """
-    hinge = 0.5 * (block[2] + block[3])
+    base, top = 0.5 * (block[0] + block[1]), 0.5 * (block[2] + block[3])
+    hinge = top if share == 1.0 else base + share * (top - base)
     return np.stack([hinge, hinge + length * np.array([math.sin(angle), -math.cos(angle)])])
 
 
@@ -163,10 +165,11 @@ def plot_scene(
     """
     built = None if pendulum is None else _AsBuilt.of(scene, pendulum, swing, bob)
     height, half = scene.block.height, 0.5 * scene.block.width
+    hinge = height if pendulum is None else pendulum.hinge_in(scene.block)
     # Half widths (m) and scales (inches per m) of both views. The scales must leave space for the texts on a
     # page of fixed width, and the right view shows the walls if they are not far from the bob.
     wide = max(half, 0.0 if built is None else built.reach)
-    scale = min(_TALL / height, _WIDE / (2.0 * wide))
+    scale = min(_TALL / max(height, hinge), _WIDE / (2.0 * wide))
     first = _LEFT + 2.0 * wide * scale + (0.3 if built is None else _BETWEEN)
     side = 0.0 if built is None else max(1.1 * built.reach, min(1.15 * built.wall, 2.5 * built.reach))
     larger = (
@@ -189,7 +192,9 @@ def plot_scene(
     _dimension(ax, (-half, 0.0), (-half, height), away, f"{number(height)} m", scale)
     _base(ax, scene, wide, scale)
     if built is not None:
-        _draw(ax, built, height, detail=False)
+        # A hinge above the block is on a mast.
+        ax.plot([0.0, 0.0], [min(height, hinge), hinge], color=INK, lw=1.4)
+        _draw(ax, built, hinge, detail=False)
         low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
         _detail(_view(figure, first - 0.8 * _BETWEEN, size[0], low, larger), scene, built, side, larger)
     return ax

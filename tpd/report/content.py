@@ -226,7 +226,7 @@ def _hypotheses(design: Design) -> Table:
         ("direction", "one vertical plane, in which block, pendulum and excitation move"),
         (
             "pendulum",
-            "point mass on a massless rod, with a viscous damper at the hinge in the middle of the top",
+            f"point mass on a massless rod, with a viscous damper at the hinge {words.place_of_hinge(problem)}",
         ),
         ("excitation", problem.assumed_excitation),
         ("starts", problem.starts_in_words),

@@ -336,7 +336,16 @@ def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
 def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
     """Describe the equivalent point mass, with significant digits for mass and length."""
     mass, length = number(float(pendulum.mass), of_mass), number(float(pendulum.length), of_length)
-    return f"{mass} kg on a rod of {length} m"
+    hinge = pendulum.hinge_height
+    at = "" if hinge is None else f" with its hinge {number(float(hinge))} m above the base"
+    return f"{mass} kg on a rod of {length} m{at}"
+
+
+def place_of_hinge(problem: Problem) -> str:
+    """Return the words for the place of the hinge in the block."""
+    height = problem.space.hinge_height
+    middle = "in the middle of the top"
+    return middle if height is None else f"on the axis of the block, {number(height)} m above the base,"
 
 
 def _toppling(scene: Scene) -> str:

@@ -272,6 +272,10 @@ class Pendulum:
             lowest = "the height of the hinge, because the bob would hang below the base"
             checks.at_most("length", self.length, self.hinge_height, lowest)
 
+    def hinge_in(self, block: Block) -> Real:
+        """Return the height of the hinge above the base in a block, m."""
+        return block.height if self.hinge_height is None else self.hinge_height
+
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Return the moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
         gravity = checks.positive("gravity", gravity)
