@@ -407,10 +407,7 @@ def build_of(design: Design) -> Build | None:
         weight=body * (1.0 + rod_share) * g,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
         lifts=problem.lifts(pendulum),
-        lifts_slow_fast=(
-            capacity / (1.0 + float(pendulum.hinge_in(block) / block.half_height) * mu),
-            capacity,
-        ),
+        lifts_slow_fast=(capacity / (1.0 + kappa * mu), capacity),
         pull=pull_test(scene),
     )
     return replace(build, parts=parts_of(build, mass * length**2)) if math.isfinite(body) else build

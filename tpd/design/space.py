@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -81,8 +81,8 @@ class DesignSpace:
 
     table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
     """Bounds as they were stated, as in the table [space] of a job file."""
-    longest: float = field(init=False, compare=False, repr=False, default=LONGEST_RATIO)
-    """Largest length ratio, with which the bob does not hang below the base."""
+    longest: ClassVar[float] = LONGEST_RATIO
+    """Largest length ratio with which the bob does not hang below the base."""
 
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():

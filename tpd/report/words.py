@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tpd.answers.response import Response
     from tpd.design.design import Design
     from tpd.design.first_guess import Rule
+    from tpd.design.problem import Problem
     from tpd.design.wider_base import Worth
 
 _CHANGES = {
