@@ -22,6 +22,8 @@ space.damping_ratio=0.2
 --damping 0.2
 space={mass=[1, 2.5], length=0.12}
 --pendulum-mass 1 2.5 --pendulum-length 0.12
+space.hinge_height=0.3
+--hinge-height 0.3
 block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; excitation={amplitude=0.3, frequency=0.5}
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
 block={base_friction=0.6, effective_width=0.9}

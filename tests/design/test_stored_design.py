@@ -101,7 +101,10 @@ def test_a_stored_design_is_read_as_it_was_written(design, damaged, tmp_path):
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of recommended, tuned_only, too_few"),
         ({"status": True}, "`status` must be a text, but is True"),
-        ({"pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}, "`length` must be positive"),
+        (
+            {"pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1, "hinge_height": None}},
+            "`length` must be positive",
+        ),
         ({"pendulum": [1.0]}, "`pendulum` must be a table, but is [1.0]"),
         (
             {"job": {"limits": {"strokes": 1.0}}},

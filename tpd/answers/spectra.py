@@ -217,6 +217,7 @@ def rocking_spectrum(
             mass_ratio=mass_ratio,
             length_ratio=length_ratio,
             damping_ratio=damping_ratio,
+            # The ratio is that of all blocks, and the height that of the given one.
             hinge_height=hinge_ratio * block.half_height,
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.

@@ -148,6 +148,7 @@ def _first_event(q, m, order, h, c):
 @compiled
 def _land(q, m, capture, eta):
     """Change the rates and the mode at the impact of a block that lands."""
+    # A plant has no rho. The row of the bob has it as a factor.
     y, rho, before, side = m.y, -q.m21 / q.kappa, m.y[TILT_RATE], m.tilt
     sine, cosine = math.sin(y[SWING]), math.cos(y[SWING])
     ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, q.kappa, side, sine, cosine)
@@ -156,7 +157,7 @@ def _land(q, m, capture, eta):
         decide(q, y, 0.0, 0.0, eta, m)
         if m.kind == REST:
             ratio = 0.0
-    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, q.kappa, side, sine, cosine) * before
+    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.lam, q.kappa, side, sine, cosine) * before
     y[TILT_RATE] = after = ratio * before
     decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
 

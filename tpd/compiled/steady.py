@@ -245,6 +245,7 @@ def steady_state(x, y0, s, near, buffers, out):
     # Only an isolated orbit has derivatives.
     isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
+        # The height of the hinge is the last parameter. Its derivative costs time and is rarely needed.
         count = int(s.slopes)
         if count > 0:
             # Newton's method needs no derivatives in the parameters. Follow the orbit once more for them.

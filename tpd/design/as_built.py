@@ -272,8 +272,8 @@ class Details(Printed):
     """Settled response over frequency after a start from rest, without a pendulum and with the one that is
     offered. It is computed only if the conditions differ in the motion of the base alone."""
     lower_hinge: PairedRuns | None = None
-    """The same runs with the hinge at mid-height; None if it is not above that height, or if its rod is
-    longer."""
+    """Paired runs with the hinge at mid-height. The value is None if the hinge is not above that height, or
+    if the rod is longer."""
     wider_bases: tuple[WiderBase, ...] = ()
     """The block without a pendulum on wider bases; empty if there are no validation runs."""
     rule: Rule | None = None
@@ -506,6 +506,7 @@ def lower_hinge_of(design: Design) -> PairedRuns | None:
     middle = float(block.half_height)
     if pendulum is None or not pendulum.length <= middle < pendulum.hinge_in(block):
         return None
+    # Only the height changes: the design keeps its rod, its damping ratio and its runs.
     space = problem.space.with_ratios(hinge_height=middle)
     return _compare(design, problem=replace(problem, space=space))
 

@@ -118,6 +118,7 @@ class DesignSpace:
         if kappa > HIGHEST_HINGE:
             most = f"twice the height of the block, {2.0 * block.height:g} m"
             raise ValueError(f"`hinge_height` must be at most {most}, but is {self.hinge_height:g} m")
+        # On a mast the rod is still no longer than the block is high.
         longest = min(LONGEST_RATIO, kappa)
         for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
             value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]

@@ -194,6 +194,7 @@ def _shapes(scene: Scene, r: Reel, i: int, factor: int, base: float) -> tuple[np
     block = corners(scene, float(r.tilt[i]) * (1 if r.is_overturned[i] else factor), base)
     if r.pendulum is None or r.is_overturned[i]:
         return block, np.zeros((0, 2))
+    # The tilt is magnified, so that the hinge is placed within the drawn block.
     share = r.pendulum.hinge_in(scene.block) / scene.block.height
     return block, rod(block, r.pendulum.length, float(r.swing[i]), share)
 

@@ -47,9 +47,7 @@ def velocity_ratio(
     return select(e.real >= 1.0, e, select(ratio.real > most.real, most, ratio))
 
 
-def bob_change(
-    ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any, side: Any, sine: Any, cosine: Any
-) -> Any:
+def bob_change(ratio: Any, e: Any, nu: Any, lam: Any, kappa: Any, side: Any, sine: Any, cosine: Any) -> Any:
     """Return the change of psi' over phi' before, for an impact that multiplies phi' by r = `ratio`.
 
     The other arguments are those of `velocity_ratio`. The rod exerts a force only along itself, so that the
@@ -71,7 +69,7 @@ def linear_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> An
 
 def linear_bob_change(ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> Any:
     """Return `bob_change` in the linear equations."""
-    return bob_change(ratio, e, nu, mu, lam, rho, kappa, 1.0, 0.0, 1.0)
+    return bob_change(ratio, e, nu, lam, kappa, 1.0, 0.0, 1.0)
 
 
 def select(condition: Any, of_true: Any, of_false: Any) -> Any:

@@ -141,8 +141,8 @@ class Setup:
         if not self.scene or name not in QUANTITIES:
             return ()
         tied = "restitution" not in self.values and name in _OF_HOUSNER
-        hung = name == "height" and "pendulum_hinge_height" in self.values
-        return QUANTITIES[name] + (("e",) if tied else ()) + (("kappa",) if hung else ())
+        below = name == "height" and "pendulum_hinge_height" in self.values
+        return QUANTITIES[name] + (("e",) if tied else ()) + (("kappa",) if below else ())
 
     def check(self, argument: str, name: str, *values: float) -> None:
         """Raise `ValueError` unless `name`, the value of `argument`, can be varied and can have these

@@ -267,6 +267,7 @@ class Pendulum:
         checks.positive("length", self.length, *LENGTHS, " m", every=True)
         checks.not_negative("damping_ratio", self.damping_ratio, every=True)
         check_damping("damping_ratio", self.damping_ratio)
+        # Without a height the rod is compared with the height of its block, see `Scene.quantities`.
         if self.hinge_height is not None:
             checks.positive("hinge_height", self.hinge_height, *LENGTHS, " m", every=True)
             lowest = "the height of the hinge, because the bob would hang below the base"
