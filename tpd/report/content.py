@@ -226,7 +226,8 @@ def _hypotheses(design: Design) -> Table:
         ("direction", "one vertical plane, in which block, pendulum and excitation move"),
         (
             "pendulum",
-            f"point mass on a massless rod, with a viscous damper at the hinge {words.place_of_hinge(problem)}",
+            f"point mass on a massless rod, with a viscous damper at the "
+            f"hinge {words.place_of_hinge(problem)}",
         ),
         ("excitation", problem.assumed_excitation),
         ("starts", problem.starts_in_words),

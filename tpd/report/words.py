@@ -346,7 +346,7 @@ def place_of_hinge(problem: Problem) -> str:
     """Return the words for the place of the hinge in the block."""
     height = problem.space.hinge_height
     middle = "in the middle of the top"
-    return middle if height is None else f"on the axis of the block, {number(height)} m above the base,"
+    return middle if height is None else f"on the axis of the block, {number(height)} m above the base"
 
 
 def _toppling(scene: Scene) -> str:
