@@ -15,6 +15,8 @@ from tpd.plots.drawing import plot_design
 from tpd.plots.landscape import plot_landscape
 from tpd.plots.response import plot_motions, plot_response
 from tpd.plots.style import CASES, LABELS, edge, in_degrees, legend, new_axes, saved
+from tpd.scene.parameters import NAMES
+from tpd.scene.quantities import QUANTITIES
 
 
 def test_files_repeat_and_words_stay_words():
@@ -121,3 +123,7 @@ def test_a_film_and_axes_of_the_user_do_not_depend_on_settings_either():
         ax = Figure().subplots()
         plot_front(examples.FRONT, ax)
         assert not any(text.get_usetex() for text in ax.get_legend().get_texts())
+
+
+def test_every_number_that_can_be_varied_has_a_label():
+    assert LABELS.keys() == {*NAMES, *QUANTITIES}

@@ -9,6 +9,7 @@ import pytest
 
 from tests.reference import MOVING, NAMES, WITH, differences, exact, named, orbits_of, parameters
 from tpd import Parameters
+from tpd.answers.bifurcations import Kind, bifurcations
 from tpd.scene.status import names_of
 from tpd.theory import (
     fold,
@@ -189,6 +190,19 @@ def test_both_branches_merge_in_the_fold_which_is_a_little_above_the_exact_fold(
         low, high = (low, middle) if exists else (middle, high)
     assert high == pytest.approx(exact, abs=1e-6)
     assert 1.003 < forcing / high < 1.045
+
+
+def test_the_fold_is_near_the_exact_one_with_a_hinge_at_any_height():
+    numbers = FOLDS[2][0]
+    forcings = []
+    for kappa in (1.0, 1.5, 2.5):
+        law = float(fold(Parameters(**numbers, f=0.0, kappa=kappa)).f)
+        folds = bifurcations(Parameters(**numbers, f=law, kappa=kappa), "f", 0.8 * law, 1.1 * law, samples=40)
+        (exact,) = [b.value for b in folds if b.kind is Kind.fold]
+        assert 1.003 < law / exact < 1.045
+        forcings.append(exact)
+    # A higher hinge needs more forcing to rock.
+    assert forcings == sorted(forcings)
 
 
 def test_gradients_of_the_fold_are_those_of_differences_and_a_batch_has_one_fold_each():

@@ -79,9 +79,11 @@ def scene_of(seed: int) -> tuple[dict[str, float], float]:
     return {"nu": nu, "k": 0.1 * nu, "f": share * nu, "xi": xi, "e": 0.9}, swing
 
 
-def test_the_lightest_pendulum_is_at_the_margin_and_no_other_undamped_pendulum_is_lighter():
+@pytest.mark.parametrize("kappa", [1.0, 2.0, 2.5])
+def test_the_lightest_pendulum_is_at_the_margin_and_no_other_undamped_pendulum_is_lighter(kappa):
     for seed in range(20):
         numbers, swing = scene_of(seed)
+        numbers["kappa"] = kappa
         law = lightest_pendulum(Parameters(**numbers, mu=0.0, lam=1.0, zeta=0.0), swing)
         found = uplift(Parameters(**numbers, mu=law.mu, lam=law.lam, zeta=0.0))
         assert (float(found.margin), float(found.swing)) == pytest.approx((0.0, swing), abs=1e-12)

@@ -30,7 +30,7 @@ from tpd.theory.harmonic_balance import fold
 
 _RANGES: dict[str, tuple[float, float]] = {
     **{"nu": (0.05, 0.5), "mu": (0.0, 1.0), "lam": (0.05, 3.0), "zeta": (0.0, 1.0), "k": (0.0, 0.3)},
-    **{"f": (0.01, 1.0), "xi": (0.5, 10.0), "rho": (0.1, 1.0), "e": (0.3, 1.0)},
+    **{"f": (0.01, 1.0), "xi": (0.5, 10.0), "rho": (0.1, 1.0), "e": (0.3, 1.0), "kappa": (0.5, 2.5)},
 }
 """Default ranges of parameters, which include most scenes. Quantities of a scene have no default."""
 _EQUATIONS = [TURNING, CROSSED, MERGED]

@@ -42,6 +42,7 @@ LABELS = {
     "xi": r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)",
     "e": "velocity ratio of an impact e (-)",
     "rho": r"inertia ratio $\rho$ (-)",
+    "kappa": r"height of the hinge over the half height $\kappa$ (-)",
     "width": "width of the block (m)",
     "height": "height of the block (m)",
     "mass": "mass of the block (kg)",
@@ -52,6 +53,7 @@ LABELS = {
     "pendulum_mass": "mass of the bob (kg)",
     "pendulum_length": "length of the pendulum (m)",
     "pendulum_damping": "damping ratio of the hinge (-)",
+    "pendulum_hinge_height": "height of the hinge (m)",
 }
 """Axis labels by the names of the quantities."""
 

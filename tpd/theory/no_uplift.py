@@ -191,9 +191,9 @@ def lightest_pendulum(p: Parameters, swing: Any) -> Lightest:
 
     The bob may swing by at most `swing`. The law has a closed form:
 
-        l = g/omega^2 + alpha/swing, or lam rho xi^2 = 1 + f/swing,    mu = (f - nu - k)/(nu + 2 swing).
+        l = g/omega^2 + alpha/swing, or lam rho xi^2 = 1 + f/swing,    mu = (f - nu - k)/(nu + kappa swing).
 
-    A mass ratio mu raises the acceleration that the settled block bears by mu (nu + 2 swing).
+    A mass ratio mu raises the acceleration that the settled block bears by mu (nu + kappa swing).
 
     The law is exact for the linear equations, for an undamped hinge, and after the bob has settled. It is for
     machines that start slowly, and never for earthquakes:
