@@ -21,7 +21,8 @@ HEAD = """\
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
 Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
 `Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers can be
-Python, NumPy or JAX numbers, or arrays of one element.
+Python, NumPy or JAX numbers, or arrays of one element. Results that are tables have the methods `columns()`,
+a dictionary of arrays, and `to_dataframe()`, which needs pandas.
 
 **The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
 [`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
@@ -44,10 +45,11 @@ INTERNAL = {
     "Record": "pieces",
     "Risk": "cap",
     "Runs": "ended of reshape rows",
+    "Tabular": "columns to_dataframe",
     "Smoothed": "cycle resolution settle_exactly widths",
     "Trials": "best_without",
 }
-"""Methods by their class that are public between modules of the package, but that users do not call."""
+"""Methods by their class that users do not call, or that the page describes once at the top."""
 GROUPS = {
     "Describe the block and its excitation": (
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
