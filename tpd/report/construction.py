@@ -137,7 +137,7 @@ def _parts(build: Build) -> list[Block]:
         "A pin lets the pendulum swing in one direction only. In the second horizontal direction the "
         "pendulum moves with the block and does not reduce rocking. If the block can rock in both "
         "directions, as a square block or chimney can, use a universal joint with a linear damper in each "
-        "direction, and check each direction as a design of its own."
+        "direction, and check each direction as a separate design."
     )
     return [Table(("part", "size", "remark"), tuple(rows), caption), Text(second)]
 
@@ -167,12 +167,12 @@ def _checks(build: Build) -> Listing:
     ten, pull = 10.0 / build.frequency, build.pull
     # Half a per cent of the angle cannot be seen on site.
     swings = (
-        "It must come to rest without a swing to the other side."
+        "It should come to rest without a swing to the other side."
         if build.rebound < 0.005
-        else f"It must swing to {percent(build.rebound)} of this angle on the other side."
+        else f"It should swing to about {percent(build.rebound)} of this angle on the other side."
     )
     decay = (
-        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half of this."
+        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the tilt should be about half of this."
         if pull.impacts
         else "The block stays there, or keeps more than half of this tilt for hundreds of impacts."
     )
