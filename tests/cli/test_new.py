@@ -14,7 +14,10 @@ from tpd.design import job as jobs
 from tpd.report import words
 
 EACH = pytest.mark.parametrize("kind", TEMPLATES)
-PULSE, RECORD_KEYS = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "validation_share")
+PULSE, RECORD_KEYS = (
+    ("pulse", "pulse_frequency", "pga"),
+    ("records", "scales", "intensity", "validation_share"),
+)
 RECORDS = "--records el-centro loma-prieta --scales 2 3"
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tpd.core.formatting import aligned
 from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Summary, wrapped
 from tpd.report.summary import headline, other_reasons, summary
 
-MOST = 26
+MOST = 34
 """Largest number of lines. The command prints up to nine lines on block and excitation before the search, so
-that the whole output has at most thirty-five lines."""
+that the whole output has at most forty-three lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
 _ALONE = "block", "excitation", "uplift", "sliding"
@@ -38,24 +37,20 @@ def answer(
 
 
 def in_lines(of: Summary, most: int = MOST) -> str:
-    """Return a summary as at most `most` lines, without the rows that the command prints before."""
+    """Return a summary as at most `most` lines, without the rows that the command prints before.
+
+    The table that compares both cases stands in the report only: the verdict has its main numbers.
+    """
     # Verdict and dangers come first, because the last lines are the first to be left out.
     parts = [wrapped(entry.marked) for entry in (of.verdict, *of.dangers)]
-    table, indent = of.comparison, " " * _NAME
-    for name, text in (row for row in of.rows if row[0] not in _ALONE):
-        # The table of results stands between the pendulum and the limits.
-        if table is not None and name in ("clearance", "runs", "reason", "limits"):
-            cells = [indent + line for line in aligned([table.head, *table.cells])]
-            parts.append([*cells, *wrapped(table.caption, indent, indent)])
-            table = None
-        parts.append(_row(name, text))
+    parts += [_row(name, text) for name, text in of.rows if name not in _ALONE]
     last = [line for row in of.commands for line in _row(*row)]
     # A long list of reasons must not hide the last lines, which say where the report is. Only whole rows are
     # left out, because half of a sentence can mean the opposite of the whole.
     if sum(map(len, parts)) + len(last) > most:
         while len(parts) > 1 and sum(map(len, parts)) + len(last) >= most:
             parts.pop()
-        last = [indent + "(more in the report)", *last]
+        last = [" " * _NAME + "(more in the report)", *last]
     return "\n".join([line for part in parts for line in part] + last)
 
 

@@ -141,7 +141,9 @@ def wider_bases(design: Design, details: Details) -> list[Block]:
         # The share without a pendulum on the stated base is in the table of the validation runs.
         shares = percent(share.with_pendulum, 1), words.difference(share), percent(tilt.with_pendulum)
         rows.append((name, float(block.width), *shares))
-    worth = f"The pendulum is worth a base {words.wider(details.worth)}. " if details.worth else ""
+    worth = (
+        f"Without a pendulum a block {words.wider(details.worth)} would do as well. " if details.worth else ""
+    )
     caption = (
         f"{worth}All rows have the same runs, those of wider bases without a pendulum. The whole block "
         "becomes wider, with the same height, depth and density: its mass grows with the width. Stated "

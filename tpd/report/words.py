@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core.formatting import compared, ends, number, percent, unanswered, with_and_without
-from tpd.limits import LIMIT_KINDS, MEASURED, Clearance, Limit, limit_of
+from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Clearance, Limit, limit_of
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
@@ -53,10 +53,11 @@ def kept(design: Design) -> str:
     return f"{percent(1.0 - design.problem.allowed)} of the surviving validation runs"
 
 
-def exceeding(share: float, allowed: float) -> str:
+def exceeding(share: float, allowed: float, limit: str = "") -> str:
     """Return a clause with the share of the runs that exceed a limit, beside the share that is allowed."""
     exceeds, most = compared(share, allowed, 1, percent)
-    return f"{exceeds} of the surviving runs exceed a limit (at most {most} allowed)"
+    which = f"the limit on {LABELS.get(limit, limit)}" if limit else "a limit"
+    return f"{exceeds} of the surviving runs exceed {which} (at most {most} allowed)"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -82,7 +83,7 @@ def energy_loss(name: str) -> str:
 def rule(of: Rule, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
     share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
-    exceeds = f"; {exceeding(of.over_limit, allowed)}" if of.over_limit > allowed else ""
+    exceeds = f"; {exceeding(of.over_limit, allowed, of.limit)}" if of.over_limit > allowed else ""
     pendulum = f"rule of thumb, {point(of.pendulum, 2, 2)}, damping ratio {zeta}"
     return f"{pendulum}: {share} of the same runs overturn{exceeds}"
 
@@ -216,6 +217,14 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     if runs.change("overturned").without_pendulum == 0.0:
         measures = ["tilt"]
     first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
+    if runs.change("overturned").without_pendulum > 0.0:
+        # The mean may fall mainly because fewer runs overturn, which count as 100 %.
+        tilt = runs.change("median severity")
+        pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
+        others.append(
+            f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
+            f"({without} without it)"
+        )
     if runs.passed is not None:
         others.append("the intervals allow for the fact that these runs also decided")
     return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
