@@ -101,7 +101,8 @@ def _role(design: Design) -> str:
         return ""
     if best.quoted.passed is not None:
         return " The same runs decided whether the pendulum is recommended."
-    before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
+    n = len(design.validated) - 1
+    before = f" {n} {'design was' if n == 1 else 'designs were'} rejected before." if n else ""
     decided = words.reduced(best.decided, best.measure)
     counts = "were not used to choose the design, and their reduction counts"
     return f" These runs {counts}.{before} In the runs that were used, {decided}."
