@@ -198,7 +198,7 @@ def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():
     requirements = Requirements()
     assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
     assert (requirements.reduce, Requirements(reduce="tilt").reduce) == (None, "tilt")
-    with pytest.raises(ValueError, match="`reduce` must be one of overturning, tilt, but is 'tild'"):
+    with pytest.raises(ValueError, match="`reduce` must be one of overturning, tilt, rate, but is 'tild'"):
         Requirements(reduce="tild")
     for name in ("at_least", "worse", "wall_contacts"):
         for value in (0.0, 1.0):

@@ -80,7 +80,7 @@ def test_model_without_motion_needs_none(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("export --width 1 --height 6 --mass 9000 --as mjcf")
     assert done.status == 0
-    assert "motion  none" in done.out
+    assert "excitation  none" in done.out
     assert 'mass="9000.0"' in (tmp_path / "model.xml").read_text()
 
 

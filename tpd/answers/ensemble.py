@@ -9,7 +9,7 @@ validation are evaluated with the same runs (common random numbers), and are com
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -129,8 +129,8 @@ def outcomes(
     checks.optional("conditions", conditions, Conditions)
     runs = plan(parameters_of(subject, pendulum), ensemble, conditions)
     forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.growth)
-    inputs = {"condition": runs.condition, "growth": runs.growth, "disturbed": runs.disturbed}
-    inputs["seed"] = ensemble.seed or 0
+    inputs: dict[str, Any] = {"condition": runs.condition, "seed": ensemble.seed or 0}
+    inputs |= {"growth": runs.growth, "disturbed": runs.disturbed}
     with shown_count(progress, "following") as report:
         where = {"workers": workers, "cluster": cluster, "progress": report}
         return follow_runs(terms, row_of(runs.p), forcing, y0=runs.y0, rtol=rtol, **inputs, **where)

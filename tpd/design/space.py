@@ -129,9 +129,10 @@ class DesignSpace:
                     checks.within(name, x, low * size, high * size, f" {unit} in this block")
                 # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
-        if self.length_ratio == USUAL_BOUNDS["length_ratio"] and kappa > self.length_ratio[0]:
+        low, high = USUAL_BOUNDS["length_ratio"]
+        if self.length_ratio == (low, high) and kappa > low:
             # The usual bounds end where the bob would hang below the base.
-            out["length_ratio"] = (self.length_ratio[0], min(self.length_ratio[1], longest))
+            out["length_ratio"] = (low, min(high, longest))
         for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
             checks.at_most("length_ratio", x, longest, "the height of the hinge over half that of the block")
         object.__setattr__(space := self.with_ratios(**out), "longest", longest)
