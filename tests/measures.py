@@ -348,6 +348,8 @@ def stated_costs(messages: str) -> Counter[str]:
     for line in re.findall(r"^Cost: *(.*)$", messages, re.M):
         for part in line.split(","):
             number, _, size = part.strip().partition(" ")
+            # A single line is singular.
+            size = re.sub(r"^(code )?line\b", r"\1lines", size)
             if not number.isdigit() or size not in SIZES:
                 raise ValueError(f"`Cost: {line}` must be a list of numbers of {', '.join(SIZES)}")
             costs[size] += int(number)
