@@ -70,7 +70,7 @@ def test_wider_bases_have_the_pendulum_in_the_first_row():
     for base, row in zip(bases, list(found.values())[1:], strict=True):
         assert row[0] == pytest.approx((1.0 + base.widening) * width)
         assert row[2] == words.difference(base.runs.change("overturned"))
-    assert f"a block {words.wider(details().worth)} would do as well." in table.caption
+    assert f"the same effect as a block {words.wider(details().worth)}." in table.caption
     # Without a pendulum the bases have no such number.
     (table,) = sections.wider_bases(rejected(), details("rejected"))
     assert "worth" not in table.caption

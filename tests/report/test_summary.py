@@ -160,7 +160,7 @@ def test_the_pendulum_is_the_one_that_is_built():
 
 def test_every_pendulum_is_compared_with_wider_bases_and_other_measures():
     said = flat(answer(harmonic(), details(), most=1000))
-    assert f"wider base without a pendulum a block {wider(details().worth)} would do as well" in said
+    assert f"wider base the pendulum has the same effect as a block {wider(details().worth)}" in said
     assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
     # Without a pendulum that is offered the bases remain.
     said = flat(answer(rejected(), details("rejected"), most=1000))

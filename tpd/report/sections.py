@@ -143,7 +143,7 @@ def wider_bases(design: Design, details: Details) -> list[Block]:
         shares = percent(share.with_pendulum, 1), words.difference(share), percent(tilt.with_pendulum)
         rows.append((name, float(block.width), *shares))
     worth = (
-        f"Without a pendulum a block {words.wider(details.worth)} would do as well. " if details.worth else ""
+        f"The pendulum has the same effect as a block {words.wider(details.worth)}. " if details.worth else ""
     )
     caption = (
         f"{worth}All rows have the same runs, those of wider bases without a pendulum. The whole block "

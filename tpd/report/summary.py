@@ -144,7 +144,7 @@ def wider_bases(details: Details) -> str:
     usual, worth = [base for base in details.wider_bases if base.widening <= USUAL], details.worth
     if worth is not None:
         # The report has a table with the wider bases.
-        return f"without a pendulum a block {words.wider(worth)} would do as well"
+        return f"the pendulum has the same effect as a block {words.wider(worth)}"
     shares = [percent(base.runs.change("overturned").with_pendulum, 1) for base in usual]
     listed = (f"{x} (base {percent(of.widening)} wider)" for x, of in zip(shares, usual, strict=True))
     return f"overturned in the same runs without a pendulum: {', '.join(listed)}"
