@@ -22,7 +22,8 @@ All names of `tpd`, by what you want to do, as `python -m tests.api_reference` w
 Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
 `Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers can be
 Python, NumPy or JAX numbers, or arrays of one element. Results that are tables have the methods `columns()`,
-a dictionary of arrays, and `to_dataframe()`, which needs pandas.
+a dictionary of arrays, and `to_dataframe()`, which needs pandas. Functions that simulate raise a
+`RuntimeError` if JAX is in 32-bit mode.
 
 **The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
 [`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
@@ -33,23 +34,52 @@ a dictionary of arrays, and `to_dataframe()`, which needs pandas.
 INTERNAL = {
     "AbstractChoice": "steady",
     "AbstractFlow": "cycle resolution settle settle_exactly solve_steady widths",
-    "AbstractModel": "check settle solve_steady steady trajectory",
+    "AbstractModel": "check most_periods settle solve_steady steady trajectory",
+    "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
-    "Conditions": "column factor_rows",
-    "Design": "again",
-    "DesignSpace": "beyond bounds_at logarithms sample scaled slopes unscaled",
-    "Ensemble": "dealt draws starts widths",
-    "Job": "check_motion settled_scene under",
-    "PairedRuns": "half margin reduction",
-    "GroundMotion": "pieces",
-    "Record": "pieces",
-    "Risk": "cap",
-    "Runs": "ended of reshape rows",
+    "Cluster": "client map",
+    "Conditions": "axis column description factor_rows ranks scattered tables units which",
+    "Design": (
+        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing "
+        "wider_bounds"
+    ),
+    "DesignSpace": (
+        "beyond bounds bounds_at ends hinge_ratio logarithms longest names of sample scaled searched slopes "
+        "table unscaled with_ratios"
+    ),
+    "EngineVerdict": "finer losses step step_matters",
+    "Ensemble": "dealt draws half_widths seeded starts widths",
+    "Fragility": "changed measure p_medians quakes unanswered",
+    "GroundMotion": "digest in_drawing piece pieces quantities swing_in_drawing",
+    "Harmonic": "in_drawing in_words quantities swing_in_drawing",
+    "Hazard": "factor measure table",
+    "Job": (
+        "all_messages bob check_motion compiled full ground_motions hazard in_words intensity messages "
+        "method motions notes only search settled_scene shaking single tables under validation_notes"
+    ),
+    "PairedRuns": (
+        "annual cluster counted description ends first_measure group half is_answered margin only passed "
+        "reduction starts_without_benefit summary worse"
+    ),
+    "Parameters": "hinge numbers",
+    "Piecewise": "accuracy equations limits",
+    "Nonlinear": "accuracy equations limits",
+    "Pulse": "piece pieces",
+    "Record": "piece pieces",
+    "Risk": "cap name",
+    "Runs": "cluster columns condition ended is_lifted lam mu nu of reshape rows stands starts summary",
+    "Scene": "quantities",
+    "Smoothed": "cycle resolution round_off settle_exactly widths",
+    "StoredDesign": "content path versions",
     "Tabular": "columns to_dataframe",
-    "Smoothed": "cycle resolution settle_exactly widths",
-    "Trials": "best_without",
+    "Trials": "best_without limits risk undecided",
+    "Validated": "decided is_harmful quoted",
 }
-"""Methods by their class that users do not call, or that the page describes once at the top."""
+"""Fields and methods by their class that users do not need, or that the page describes once at the top."""
+HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}
+"""Functions by the name of the module that has the same name and therefore hides them."""
+EVERYWHERE = "JAX is in 32-bit mode."
+"""Reason of an error that the page states once at the top."""
 GROUPS = {
     "Describe the block and its excitation": (
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
@@ -73,13 +103,12 @@ GROUPS = {
 }
 """Titles of the page, with the names below each."""
 BESIDE = {
+    "Harmonic": ("scene.ground_motion.GroundMotion",),
     "Design": (
         "design.reasons.DesignStatus",
         "design.validate.Validated",
         "design.refine.Trials",
-        "design.search.Search",
     ),
-    "Auto": ("models.base.AbstractModel",),
 }
 """Classes that are not at the top, by the name that they stand below."""
 NOTES = {
@@ -108,8 +137,8 @@ def sentence(item: Item) -> str:
     """First sentence of the docstring."""
     text = cell(item.docstring.value.split("\n\n")[0]) if item.docstring else ""
     # A capital or "al." before the stop is an abbreviation: "N. Ricker", "Collini et al. (2016)".
-    ends = r"(?<![A-Z]\.)(?<!al\.)(?<!Bull\.)(?<=[.:])\s+(?=[A-Z`(])"
-    return re.split(ends, text, maxsplit=1)[0].rstrip(":")
+    ends = r"(?<![A-Z]\.)(?<!al\.)(?<!Bull\.)(?<!Seismol\.)(?<!Soc\.)(?<!Am\.)(?<=[.:])\s+(?=[A-Z`(])"
+    return re.sub(":$", ".", re.split(ends, text, maxsplit=1)[0])
 
 
 def cell(text: object) -> str:
@@ -123,8 +152,10 @@ def sections(item: Item) -> list[str]:
         if isinstance(section, griffe.DocstringSectionParameters):
             lines += [f"- `{entry.name}`: {cell(entry.description)}" for entry in section.value] + [""]
         if isinstance(section, griffe.DocstringSectionRaises):
-            for entry in section.value:
-                lines += [f"Raises `{entry.annotation}`: {cell(entry.description)}", ""]
+            for entry in (entry for entry in section.value if cell(entry.description) != EVERYWHERE):
+                # An error belongs to the list of arguments above it.
+                del lines[-1:]
+                lines += [f"- Raises `{entry.annotation}`: {cell(entry.description)}", ""]
         if isinstance(section, griffe.DocstringSectionAdmonition) and section.title == "Example":
             lines += ["```pycon", section.value.contents, "```", ""]
     return lines
@@ -143,8 +174,14 @@ class Reference:
         self.described = {self.target(name).path for name in " ".join(GROUPS.values()).split()}
 
     def target(self, name: str) -> griffe.Object:
-        item = self.package[name]
-        return item.final_target if item.is_alias else item
+        return self.visible(self.package[name])
+
+    @staticmethod
+    def visible(item: Item) -> griffe.Object:
+        """Object behind an import, and the function behind a module of the same name."""
+        item = item.final_target if item.is_alias else item
+        hidden = HIDDEN.get(item.name) if item.is_module else None
+        return item[hidden] if hidden else item
 
     def default(self, expression: str | griffe.Expr) -> str:
         """Source of a default; the number itself where it is a constant of the package."""
@@ -188,9 +225,9 @@ class Reference:
         for answer in (self.target(path[4:]) for path in paths if path.startswith("tpd.")):
             if answer.is_class and answer.path not in self.described:
                 self.lines += [f"**`{answer.name}`**: {sentence(answer)}", ""]
-                self.members(answer)
+                self.members(answer, "")
 
-    def members(self, item: griffe.Class) -> None:
+    def members(self, item: griffe.Class, heading: str = "Properties:") -> None:
         """Fields, properties, errors and methods of a class, but for what the page says of a base already."""
         self.described.add(item.path)
         above = [base for base in item.mro() if base.path in self.described]
@@ -210,10 +247,11 @@ class Reference:
         if is_enum(item):
             self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored)}.", ""]
         else:
-            self.lines += [*map(self.field, stored), ""]
-            self.lines += ["Properties:", ""] if computed else []
+            self.lines += map(self.field, stored)
+            # Nobody makes a result, and its fields and properties are one list.
+            self.lines += ["", heading, ""] if computed and heading else []
             self.lines += [f"- `{m.name}: {cell(m.annotation)}`: {sentence(m)}" for m in computed]
-        self.lines += ["", *sections(item)]
+        self.lines += [*sections(item), ""]
         for m in (m for m in shown if m.is_function):
             name = f"{item.name}.{m.name}" if {"staticmethod", "classmethod"} & m.labels else f".{m.name}"
             self.lines += [*self.call(m, name), sentence(m), "", *sections(m)]
@@ -245,11 +283,25 @@ class Reference:
         self.lines += [sentence(item), ""]
         imported = {name: m.target_path for name, m in item.members.items() if m.is_alias}
         public = item.exports or [name for name, path in imported.items() if path.startswith("tpd.")]
+        kinds: list[tuple[str, griffe.Class]] = []
         for inner in sorted(map(str, public), key=lambda x: (x not in ("Limit", "EngineVerdict"), x)):
-            entry = item[inner].final_target if item[inner].is_alias else item[inner]
-            if entry.path not in self.described:
+            entry = self.visible(item[inner])
+            if entry.is_class and any(base.name == "Limit" for base in entry.mro()):
+                kinds.append((f"{name}.{inner}", entry))
+            elif entry.path not in self.described:
                 self.lines += [] if entry.is_attribute else [f"#### `{name}.{inner}`", ""]
                 self.one(entry, f"{name}.{inner}")
+        if kinds:
+            self.lines += ["Kinds of `Limit`:", "", "| limit | meaning | argument |", "|---|---|---|"]
+            self.lines += [self.row(entry, call) for call, entry in kinds] + [""]
+
+    def row(self, item: griffe.Class, name: str) -> str:
+        """Row of a table of classes that have one field each."""
+        (field,) = (m for m in item.members.values() if m.annotation and "instance-attribute" in m.labels)
+        default = self.default(field.value) if field.value is not None else ""
+        call = f"`{name}({field.name}{' = ' * bool(default)}{default})`"
+        cells = (text.replace("|", "\\|") for text in (call, sentence(item), sentence(field)))
+        return f"| {' | '.join(cells)} |"
 
     def text(self) -> str:
         """The whole page."""

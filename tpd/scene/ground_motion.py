@@ -83,8 +83,8 @@ class GroundMotion:
         return hashlib.sha256((np.append(self.pieces(), sizes) + 0.0).tobytes()).hexdigest()
 
     def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Any:
-        """Return the motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665
-        m/s^2.
+        """Return the motion with the largest acceleration `pga` (m/s^2) or `pga_g` (in units of 9.80665
+        m/s^2).
 
         Raises:
             ValueError: both or none are given, or the value is not positive.
