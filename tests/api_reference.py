@@ -22,8 +22,10 @@ All names of `tpd`, by what you want to do, as `python -m tests.api_reference` w
 Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
 `Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers can be
 Python, NumPy or JAX numbers, or arrays of one element. Results that are tables have the methods `columns()`,
-a dictionary of arrays, and `to_dataframe()`, which needs pandas. Functions that simulate raise a
-`RuntimeError` if JAX is in 32-bit mode.
+a dictionary of arrays, and `to_dataframe()`, which needs pandas. Bad input is a `ValueError` with one
+sentence. Functions that simulate raise a `RuntimeError` if JAX is in 32-bit mode. `progress` is True for a
+bar on stderr, or a function that is called with the finished and the whole work. `workers` is a number of
+threads, by default all cores. `cluster` uses [processes or machines](clusters.md) instead of threads.
 
 **The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
 [`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
@@ -78,8 +80,14 @@ INTERNAL = {
 """Fields and methods by their class that users do not need, or that the page describes once at the top."""
 HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}
 """Functions by the name of the module that has the same name and therefore hides them."""
-EVERYWHERE = "JAX is in 32-bit mode."
-"""Reason of an error that the page states once at the top."""
+EVERYWHERE = {
+    "JAX is in 32-bit mode.",
+    "bad input.",
+    "progress",
+    "number of threads; all cores by default.",
+    "processes or machines instead of threads.",
+}
+"""Reasons of errors, and arguments, that the page describes once at the top."""
 GROUPS = {
     "Describe the block and its excitation": (
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
@@ -150,9 +158,12 @@ def sections(item: Item) -> list[str]:
     lines: list[str] = []
     for section in item.docstring.parse("google", warnings=False) if item.docstring else ():
         if isinstance(section, griffe.DocstringSectionParameters):
-            lines += [f"- `{entry.name}`: {cell(entry.description)}" for entry in section.value] + [""]
+            entries = [
+                entry for entry in section.value if not EVERYWHERE & {entry.name, cell(entry.description)}
+            ]
+            lines += [f"- `{entry.name}`: {cell(entry.description)}" for entry in entries] + [""]
         if isinstance(section, griffe.DocstringSectionRaises):
-            for entry in (entry for entry in section.value if cell(entry.description) != EVERYWHERE):
+            for entry in (entry for entry in section.value if cell(entry.description) not in EVERYWHERE):
                 # An error belongs to the list of arguments above it.
                 del lines[-1:]
                 lines += [f"- Raises `{entry.annotation}`: {cell(entry.description)}", ""]
