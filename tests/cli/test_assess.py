@@ -16,7 +16,7 @@ from tpd.scene.hazard import HOW_TO
         ("", "Stated block from rest: OVERTURNS in 60.0 % of 10 runs."),
     ],
 )
-def test_the_block_alone_comes_first(motion, first, tmp_path):
+def test_assess_prints_uplift_and_sliding_before_the_outcome(motion, first, tmp_path):
     (tmp_path / "job.toml").write_text(template("statue") + "\n[ensemble]\nsize = 64\nperiods = 30\n")
     done = call("assess", str(tmp_path / "job.toml"), *motion.split())
     header, answer = done.out.split("\n\n")
@@ -29,7 +29,7 @@ def test_the_block_alone_comes_first(motion, first, tmp_path):
     assert max(map(len, answer.splitlines())) <= 100
 
 
-def test_records_need_no_cavity():
+def test_assess_accepts_records_without_a_cavity():
     words = "--width 0.9 --height 5.4 --mass 8000 --records el-centro --scales 1.5"
     done = call("assess", *words.split())
     assert done.status == 0
@@ -45,7 +45,7 @@ def answer_of(words: str) -> str:
     return " ".join(call("assess", SMALL, words).out.split("\n\n")[1].split())
 
 
-def test_a_base_that_slides_in_the_runs_is_reported_first():
+def test_sliding_during_rocking_is_reported_first():
     needs = "the base needs a coefficient of friction of 0.3403 without a pendulum"
     words = "--records el-centro --scales 0.45 --base-friction"
     assert answer_of(f"{words} 0.32").startswith(f"SLIDES WHILE IT ROCKS: {needs}, but has 0.32.")
@@ -57,7 +57,7 @@ def test_a_base_that_slides_in_the_runs_is_reported_first():
     assert f"{needs} (linear equations)." in answer_of("--records el-centro --scales 0.45")
 
 
-def test_the_stated_block_comes_first_and_the_scatter_is_named():
+def test_the_stated_block_precedes_the_runs_with_scatter():
     found = answer_of("--records el-centro --scales 0.45")
     stated, varied = found.partition(f"Runs from rest with scatter ({SCATTER}): ")[::2]
     # 0.123 rad by `tpd shake`, over atan(0.55/1.8).
@@ -68,7 +68,7 @@ def test_the_stated_block_comes_first_and_the_scatter_is_named():
     assert varied.startswith("ROCKS, AND DOES NOT OVERTURN in the only run")
 
 
-def test_each_level_has_a_line_with_an_interval_over_earthquakes():
+def test_each_level_has_its_share_of_overturning_with_an_interval():
     found = answer_of("--records el-centro loma-prieta --scales 0.25 2.5")
     outcomes = {
         "0.25": "STAYS ON ITS BASE in any of 2 runs.",
@@ -80,7 +80,7 @@ def test_each_level_has_a_line_with_an_interval_over_earthquakes():
         assert f"{varied} at {scale} (PGA in g): {outcome}" in found
 
 
-def test_a_hazard_adds_the_annual_rate_and_without_one_a_line_explains_it(tmp_path):
+def test_the_annual_rate_is_printed_if_the_job_has_a_hazard(tmp_path):
     path = tmp_path / "site.toml"
     path.write_text(SITE)
     answer = " ".join(call("assess", str(path)).out.split())

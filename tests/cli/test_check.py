@@ -39,7 +39,7 @@ def suitable(check):
     return check(SUITABLE)
 
 
-def test_overturning_in_the_table_of_models_is_linked_with_the_verdict(tmp_path, suitable):
+def test_overturning_in_one_motion_is_distinguished_from_the_verdict(tmp_path, suitable):
     file = tmp_path / "strong.toml"
     strong = CHIMNEY.replace("amplitude = 0.081", "amplitude = 0.1").replace("= 0.85 ", "= 0.8 ")
     file.write_text(strong.replace("size = 1024", "size = 64"))
@@ -74,14 +74,14 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(suitable):
     assert max(map(len, (*lines[:first], *lines[first + 7 :]))) <= 100
 
 
-def test_a_seed_chooses_the_runs_of_a_check(check, suitable):
+def test_the_seed_changes_the_runs_of_a_check(check, suitable):
     status, lines = check(SUITABLE, "--seed", "5")
     assert status == 0
     assert lines[14:] != suitable[1][14:]
     assert check(SUITABLE, "--seed", "0")[1][14:] == suitable[1][14:]
 
 
-def test_the_last_sentence_gives_the_reason(check):
+def test_the_last_sentence_states_the_reason_for_the_rejection(check):
     status, lines = check(TOUCHING)
     assert status == 3
     assert last_paragraph(lines).startswith("NOT RECOMMENDED: the pendulum exceeds the limit on clearance")
@@ -89,14 +89,14 @@ def test_the_last_sentence_gives_the_reason(check):
     assert "exceeds the limit on clearance" not in "".join(check(TOUCHING, "--no-walls")[1])
 
 
-def test_a_limit_on_the_mass_below_the_smallest_bob_of_the_space_is_valid_input(tmp_path):
+def test_check_accepts_a_mass_limit_below_the_design_space(tmp_path):
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
     done = call("check", "--scene", str(tmp_path / "job.toml"), SUITABLE)
     assert done.status == 3
     assert "limit on mass (bob as built): 10.2 times the limit" in " ".join(done.out.split())
 
 
-def test_a_design_is_checked_as_the_same_pendulum_of_the_options(suitable, tmp_path):
+def test_check_of_a_stored_design_equals_check_of_its_pendulum(suitable, tmp_path):
     job = jobs.job_of(tomllib.loads(CHIMNEY)).tables
     pendulum = {"mass": 540.0, "length": 0.515, "damping_ratio": 0.5981, "hinge_height": None}
     (tmp_path / "design.json").write_text(design_json(job, pendulum))
@@ -106,7 +106,7 @@ def test_a_design_is_checked_as_the_same_pendulum_of_the_options(suitable, tmp_p
     assert (done.status, lines[:7], lines[14:]) == (0, expected[:7], expected[14:])
 
 
-def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path):
+def test_check_confirms_a_report_without_a_pendulum_if_none_is_needed(tmp_path):
     # The block lifts at 0.3 g. The second motion has 0.29 g, but the conditions include 10 % more.
     not_needed = "NOT NEEDED: under all conditions"
     for amplitude, status, verdict in (
@@ -120,7 +120,7 @@ def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path)
 
 
 @pytest.mark.parametrize("walls", ["", "--no-walls"])
-def test_a_bob_that_exceeds_the_limit_on_the_mass_as_built_is_rejected(tmp_path, walls):
+def test_a_bob_heavier_as_built_than_the_mass_limit_is_rejected(tmp_path, walls):
     """The point mass of 540 kg is below the limit of 560 kg, but its body of steel is not."""
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 560.0"))
     done = call("check", "--scene", str(tmp_path / "job.toml"), *walls.split(), SUITABLE)

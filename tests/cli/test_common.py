@@ -27,7 +27,7 @@ def pendulum(command: str) -> Pendulum | None:
     return common.read_pendulum(parser().parse_args(command.split()), paper_scene().block)
 
 
-def test_a_pendulum_is_given_in_si_units_or_in_ratios():
+def test_options_define_a_pendulum_in_si_units_or_in_ratios():
     mixed = pendulum("response --pendulum-mass 0.8112 --length-ratio 0.5")
     assert mixed == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
     assert pendulum("response --mass-ratio 0.05 --pendulum-length 0.1").mass == pytest.approx(0.8112)
@@ -40,7 +40,7 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
         pendulum("response --pendulum-damping 0.2")
 
 
-def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_scene():
+def test_job_words_state_the_levels_of_records_and_nothing_for_a_harmonic():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"excitation": records})
     assert two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha); at 1 the block lifts)"
@@ -54,7 +54,7 @@ def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_sce
     assert (job_of({}).in_words, job_of({}).messages) == ("", ())
 
 
-def test_compiled_programs_can_be_stored():
+def test_compiled_programs_have_no_callback_that_prevents_caching():
     """Check that no program calls back to Python: JAX would compile such a program in every run."""
     code = """
 from tpd.core import jax_setup
@@ -284,7 +284,7 @@ def rejection(capsys, *command: str) -> str:
 
 
 @pytest.mark.parametrize(("words", "message"), ROWS, ids=[f"{i} {w[:50]}" for i, (w, _) in enumerate(ROWS)])
-def test_invalid_input_is_rejected_in_one_sentence_with_its_remedy(capsys, tmp_path, words, message):
+def test_the_message_for_invalid_input_is_one_sentence_with_a_remedy(capsys, tmp_path, words, message):
     while re.search(CAPITALS, words):
         words = re.sub(CAPITALS, lambda match: WORDS[match[0]], words)
     kind, _, content = words.partition(" ")
@@ -323,7 +323,7 @@ def test_a_record_of_zeros_is_rejected(capsys, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_existing_reports_and_unwritable_folders_are_not_changed(capsys, tmp_path):
+def test_commands_do_not_overwrite_a_report_without_overwrite(capsys, tmp_path):
     (tmp_path / "used").mkdir()
     paths = [tmp_path / "used" / name for name in ("mine.txt", "table.csv")]
     for path in paths:
@@ -339,7 +339,7 @@ def test_existing_reports_and_unwritable_folders_are_not_changed(capsys, tmp_pat
 
 
 @pytest.mark.parametrize("command", ["shake", "spectrum", "fragility", "export", "check"])
-def test_every_command_describes_the_records_that_it_reads(run, tmp_path, command):
+def test_every_command_prints_the_notes_on_its_records(run, tmp_path, command):
     (tmp_path / "XXX001.EW").write_text(knet(1e5 * shaking(100) + 1e4, 0.01))
     (tmp_path / "validation.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
     block = template("column").partition("[excitation]")[0]
@@ -370,7 +370,7 @@ def test_every_command_describes_the_records_that_it_reads(run, tmp_path, comman
         assert reading["notes"] == []
 
 
-def test_a_command_that_cannot_write_removes_the_folder_that_it_made(tmp_path, monkeypatch):
+def test_a_command_that_cannot_write_removes_its_new_folder(tmp_path, monkeypatch):
     class Full(io.FileIO):
         def write(self, _):
             raise OSError(28, "No space left on device")
@@ -410,7 +410,7 @@ MISTAKES = (
 
 
 @pytest.mark.parametrize("command", MISTAKES, ids=" ".join)
-def test_a_mistake_is_rejected_before_large_packages_are_imported(tmp_path, command):
+def test_a_mistake_is_rejected_before_jax_is_imported(tmp_path, command):
     (tmp_path / "misspelt.toml").write_text("[block]\nwidht = 1.0\n")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "report.html").write_text("a report")
@@ -427,7 +427,7 @@ def test_a_mistake_is_rejected_before_large_packages_are_imported(tmp_path, comm
     assert "searching" not in done.stderr
 
 
-def test_a_job_file_is_named_with_or_without_its_option(tmp_path):
+def test_a_job_file_is_an_argument_or_the_option_scene(tmp_path):
     job, other = tmp_path / "job.toml", tmp_path / "other.toml"
     job.write_text(
         "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[excitation]\namplitude = 0.3\nfrequency = 0.5\n"

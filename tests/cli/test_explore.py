@@ -18,7 +18,7 @@ def report(tmp_path):
     return folder
 
 
-def test_the_page_lies_in_the_report_which_links_to_it(report):
+def test_explore_writes_its_page_into_the_report_and_links_it(report):
     done = call("explore", str(report))
     assert (done.status, done.out.splitlines()) == (
         0,
@@ -34,7 +34,7 @@ def test_the_page_lies_in_the_report_which_links_to_it(report):
     assert call("explore", str(report / "design.json"), "--overwrite").status == 0
 
 
-def test_a_job_file_has_a_page_without_a_recommended_pendulum(tmp_path, monkeypatch):
+def test_explore_accepts_a_job_file_without_a_design(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     job, out = tmp_path / "job.toml", tmp_path / "mine.html"
     job.write_text('[project]\nname = "My tower"\n')
@@ -44,7 +44,7 @@ def test_a_job_file_has_a_page_without_a_recommended_pendulum(tmp_path, monkeypa
     assert call("explore", str(job)).out == "written: explore.html\n"
 
 
-def test_the_page_is_opened(report, monkeypatch):
+def test_option_open_shows_the_page_in_the_browser(report, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or len(opened) == 1)
     assert "browser" not in call("explore", str(report), "--open").out
@@ -61,7 +61,7 @@ def test_the_page_is_opened(report, monkeypatch):
         ("{report}/report.html", "is not a design in JSON"),
     ],
 )
-def test_bad_input_is_rejected_in_one_sentence(words, message, report):
+def test_explore_rejects_invalid_input_in_one_sentence(words, message, report):
     done = call("explore", words.format(report=report))
     assert done.status == 2
     assert message in done.err

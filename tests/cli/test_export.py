@@ -29,7 +29,7 @@ def columns(path) -> dict[str, np.ndarray]:
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
-def test_models_are_those_of_the_library(report, tmp_path):
+def test_exported_models_equal_the_models_of_the_library(report, tmp_path):
     scene = tpd.paper_scene()
     for kind, name in (("mjcf", "model.xml"), ("opensees", "model.tcl")):
         done = call("export", report, "--as", kind)
@@ -45,7 +45,7 @@ def test_models_are_those_of_the_library(report, tmp_path):
     )
 
 
-def test_histories_are_without_and_with_the_pendulum(report, tmp_path):
+def test_exported_histories_contain_both_cases(report, tmp_path):
     assert call("export", report, "--as", "csv").status == 0
     table = columns(tmp_path / "histories.csv")
     assert list(table) == [
@@ -68,7 +68,7 @@ def test_histories_are_without_and_with_the_pendulum(report, tmp_path):
     assert "without_tilt_rad: the block overturns; the cells after that time are empty" in done.out
 
 
-def test_a_file_that_exists_is_left_alone(report, tmp_path):
+def test_export_does_not_overwrite_a_file(report, tmp_path):
     (tmp_path / "model.xml").write_text("keep me")
     done = call("export", report, "--as", "mjcf")
     assert done.status == 2
@@ -76,7 +76,7 @@ def test_a_file_that_exists_is_left_alone(report, tmp_path):
     assert (tmp_path / "model.xml").read_text() == "keep me"
 
 
-def test_model_without_motion_needs_none(tmp_path, monkeypatch):
+def test_a_model_can_be_exported_without_an_excitation(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("export --width 1 --height 6 --mass 9000 --as mjcf")
     assert done.status == 0
@@ -87,7 +87,7 @@ def test_model_without_motion_needs_none(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "words", ["export --as opensees --width 1 --height 6 --mass 9000 --record el-centro", "record el-centro"]
 )
-def test_a_model_and_a_preview_do_not_import_jax(words, tmp_path):
+def test_export_of_a_model_does_not_import_jax(words, tmp_path):
     code = f"import sys; from tpd.cli import main; print(main({words.split()}), 'jax' in sys.modules)"
     env = os.environ | {"PYTHONPATH": str(Path(tpd.__file__).parents[1])}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env=env)

@@ -17,7 +17,7 @@ from tpd.scene.hazard import HOW_TO
 TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
 
-def test_fragility_over_records(run):
+def test_fragility_counts_damage_for_each_case_and_intensity(run):
     done = run("fragility", COLUMN, PENDULUM_OPTIONS, TWO)
     assert done.status == 0
     table = done.rows("fragility.csv")
@@ -35,7 +35,7 @@ def test_fragility_over_records(run):
     assert "With fewer than 5 earthquakes these counts do not predict other earthquakes." in done.out
 
 
-def test_the_friction_of_the_runs_is_compared_with_that_of_the_base(run):
+def test_fragility_compares_the_needed_friction_with_the_friction_of_the_base(run):
     block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.34 --intensity pga"
     done = run("fragility", block, "--records el-centro --scales 0.32 0.45")
     needs = "the base needs a coefficient of friction of 0.3403 without a pendulum, but has 0.34"
@@ -59,7 +59,7 @@ def test_runs_without_a_solution_are_reported(run, monkeypatch):
     ("words", "sentence"),
     [(("--scales", "2", "1"), "increasing numbers"), (("--intensity", "x"), "`intensity` must be")],
 )
-def test_invalid_intensities_are_rejected(run, words, sentence):
+def test_invalid_intensity_levels_are_rejected(run, words, sentence):
     done = run("fragility", COLUMN, "--records", "el-centro", *words)
     assert (done.status, done.files, len(done.err.splitlines())) == (2, {}, 1)
     assert sentence in done.err
@@ -68,7 +68,7 @@ def test_invalid_intensities_are_rejected(run, words, sentence):
 TIMELESS = "".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200)))
 
 
-def test_unit_and_step_can_be_given_and_files_without_motion_are_listed(run, tmp_path):
+def test_options_supply_the_unit_and_time_step_of_a_plain_record(run, tmp_path):
     folder = tmp_path / "quakes"
     folder.mkdir()
     (folder / "a.txt").write_text(TIMELESS)
@@ -81,7 +81,7 @@ def test_unit_and_step_can_be_given_and_files_without_motion_are_listed(run, tmp
     assert "a.VT2 (velocity)" in done.out
 
 
-def test_validation_folders_of_the_same_name_are_two_groups(tmp_path):
+def test_validation_folders_with_equal_names_are_separate_groups(tmp_path):
     words = [str(tmp_path / name / "q") for name in ("one", "other")]
     for word in words:
         Path(word).mkdir(parents=True)
@@ -93,7 +93,7 @@ def test_validation_folders_of_the_same_name_are_two_groups(tmp_path):
 
 
 @pytest.mark.parametrize("words", ["pga", "sa --period 0.5"])
-def test_accelerations_are_in_g_and_the_unit_is_printed(run, words):
+def test_fragility_prints_accelerations_in_g_with_the_unit(run, words):
     done = run("fragility", COLUMN, "--records el-centro --scales 0.2 0.6 --intensity", words)
     assert (
         f"fragility over {done.json('fragility.json')['intensity']} (g), 1 motions of one earthquake"
@@ -138,12 +138,12 @@ def test_a_hazard_adds_the_annual_rates(run, tmp_path):
     assert (other.status, other.err.splitlines()[-1]) == (2, sentence)
 
 
-def test_without_a_hazard_one_line_explains_how_to_state_it(run):
+def test_without_a_hazard_a_line_explains_the_annual_rate(run):
     done = run("fragility", COLUMN, "--records el-centro --scales 1 4")
     assert f"{HOW_TO}." in " ".join(done.out.split())
     assert done.json("fragility.json")["annual_rates"] is None
 
 
-def test_the_default_intensity_is_explained(run):
+def test_the_default_intensity_measure_is_explained_once(run):
     text = run("fragility", COLUMN, "--records el-centro --scales 1 4").out
     assert text.count("1 = the acceleration that lifts the block") == 1

@@ -42,7 +42,7 @@ def help_of(capsys, *words: str) -> str:
     return capsys.readouterr().out
 
 
-def test_help_and_version_do_not_wait_for_jax():
+def test_help_and_version_do_not_import_jax():
     code = f"""
 import sys
 from tpd.cli import main
@@ -79,7 +79,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
         assert expected in text
 
 
-def test_every_command_has_help_texts_and_no_text_is_unused():
+def test_every_command_has_exactly_its_help_texts():
     texts = tomllib.loads(Path(grammar.__file__).with_name("commands.toml").read_text(encoding="utf-8"))
     assert [*texts] == [*grammar.COMMANDS]
     allowed = {"summary", "activity", "description", "exit_status", "example"}
@@ -96,7 +96,7 @@ def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, c
 
 
 @pytest.mark.parametrize("command", grammar.COMMANDS)
-def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
+def test_the_example_of_every_help_page_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # A search takes long: a prepared design replaces it.
     monkeypatch.setattr(optimise, "solve_problem", lambda *_, **__: harmonic())
@@ -116,14 +116,14 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
         assert list((tmp_path / f"tpd-{command}").glob("*.csv"))
 
 
-def test_help_needs_no_docstrings():
+def test_help_is_complete_without_docstrings():
     command = [sys.executable, "-OO", "-m", "tpd", "--help"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
 
 
-def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
+def test_a_tilde_in_a_path_is_the_home_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     read = parser().parse_args(
         ["export", "~/design", "--scene", "~/job.toml", "--as", "csv", "--out", "~/a.csv"]
@@ -134,7 +134,7 @@ def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     assert parser().parse_args(["fragility"]).out == Path("tpd-fragility")
 
 
-def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
+def test_python_m_tpd_runs_and_american_spelling_gets_a_hint():
     done = subprocess.run([sys.executable, "-m", "tpd", "optimize"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
@@ -142,7 +142,7 @@ def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
 
 
 @pytest.mark.parametrize(("line", "word"), [("tpd opt", "optimise"), ("tpd shake --rec", "--record")])
-def test_a_shell_completes_the_words_of_a_command(line, word, tmp_path):
+def test_the_shell_completes_commands_and_options(line, word, tmp_path):
     pytest.importorskip("argcomplete")
     # The scripts of argcomplete set these variables in a shell.
     variables = {

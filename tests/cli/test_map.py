@@ -9,7 +9,7 @@ from tpd.cli.map import _with_folds
 AXES = "--x frequency 1 5 --y pendulum-length 0.05 0.2 --pendulum-mass 0.8 --points 4"
 
 
-def test_the_map_agrees_with_the_library(run):
+def test_map_writes_the_statuses_and_amplitudes_of_the_library(run):
     done = run("map", AXES)
     assert done.status == 0
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
@@ -33,7 +33,7 @@ def test_the_map_agrees_with_the_library(run):
     assert "--simulate" not in again.out
 
 
-def test_the_picture_of_the_amplitudes_has_the_curve_of_folds():
+def test_the_amplitude_map_shows_the_fold_curve():
     scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
     axes = ("frequency", np.linspace(1, 5, 5)), ("amplitude", np.linspace(0.001, 0.02, 5))
     ax = _with_folds(design_map(scene, *axes, pendulum=pendulum), scene, pendulum)

@@ -22,7 +22,7 @@ RECORDS = "--records el-centro loma-prieta --scales 2 3"
 
 
 @EACH
-def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatch):
+def test_a_written_template_is_a_valid_job(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("new", kind).out.startswith(f"written: {kind}.toml\nnext: ")
     job = jobs.job_of(jobs.read_tables(tmp_path / f"{kind}.toml"))
@@ -53,7 +53,7 @@ def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
 
 
 @EACH
-def test_the_defaults_in_comments_are_those_of_the_package(kind):
+def test_defaults_in_template_comments_equal_the_defaults_of_the_package(kind):
     text = new.template(kind)
     (line,) = [line for line in text.splitlines() if re.match(r"(# )?restitution = ", line)]
     if line.startswith("# "):
@@ -66,7 +66,7 @@ def test_the_defaults_in_comments_are_those_of_the_package(kind):
 
 
 @EACH
-def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind):
+def test_template_losses_do_not_depend_on_the_width(kind):
     text = new.template(kind)
     changed = re.sub(
         r"^width = ([\d.]+)", lambda m: f"width = {1.02 * float(m[1]):.4g}", text, flags=re.MULTILINE
@@ -78,7 +78,7 @@ def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind
 
 
 @EACH
-def test_a_pulse_or_records_can_replace_the_harmonic(kind):
+def test_a_template_accepts_a_pulse_or_records_instead_of_the_harmonic(kind):
     text = new.template(kind)
     motion = text[text.index("[excitation]") : text.index("# [hazard]")]
     optional = [line for line in motion.splitlines() if re.match(r"# \w+ = ", line)]
@@ -137,7 +137,7 @@ def test_the_scatter_of_a_job_applies_to_the_validation_runs(inputs, tmp_path):
     assert (inputs["ensemble"].length, inputs["ensemble"].damping) == (0.02, 0.2)
 
 
-def test_keys_without_effect_on_records_are_reported(inputs, tmp_path):
+def test_keys_that_contradict_records_are_rejected(inputs, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, message in (
         (f"{RECORDS} --searches 3", "`search.searches` requires a harmonic motion"),
@@ -148,7 +148,7 @@ def test_keys_without_effect_on_records_are_reported(inputs, tmp_path):
         assert message in done.err
 
 
-def test_a_file_that_exists_is_left_alone(tmp_path):
+def test_new_does_not_overwrite_a_file(tmp_path):
     out = tmp_path / "mine.toml"
     assert call("new tower --out", str(out)).status == 0
     assert f"tpd optimise --scene {out}" in out.read_text()
@@ -159,7 +159,7 @@ def test_a_file_that_exists_is_left_alone(tmp_path):
     assert out.read_text() == "keep me"
 
 
-def test_no_part_remains_of_a_file_that_cannot_be_written(tmp_path, monkeypatch):
+def test_a_failed_write_leaves_no_partial_file(tmp_path, monkeypatch):
     class Full(io.FileIO):
         def write(self, _):
             raise OSError(28, "No space left on device")

@@ -81,7 +81,7 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
 
 
 @pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
-def test_a_seed_on_the_command_line_is_that_of_optimise(run_with, tmp_path, more):
+def test_option_seed_sets_the_seeds_of_search_and_ensemble(run_with, tmp_path, more):
     (tmp_path / "small.toml").write_text(BAND + more)
     inputs = [run_with(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
     runs = [x["ensemble"] for x in inputs]
@@ -100,12 +100,12 @@ def test_a_seed_on_the_command_line_is_that_of_optimise(run_with, tmp_path, more
     assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
-def test_the_exit_status_depends_on_the_verdict(run_with):
+def test_exit_status_is_3_if_no_design_is_recommended(run_with):
     assert run_with(rejected())[0].status == 3
     assert run_with(replace(rejected(), status=DesignStatus.no_uplift), "--overwrite")[0].status == 0
 
 
-def test_quiet_json_and_verbose(run_with):
+def test_quiet_prints_the_verdict_and_verbose_the_whole_report(run_with):
     done, _ = run_with(rejected(), "--quiet")
     verdict, path = done.out.splitlines()
     assert verdict.startswith("NOT RECOMMENDED: ")
@@ -143,7 +143,7 @@ def on_records(tmp_path_factory):
     return folder, call("optimise --quiet --scene", str(folder / "job.toml"), out=folder / "first")
 
 
-def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path, monkeypatch):
+def test_the_scene_file_of_a_report_repeats_its_search_exactly(on_records, tmp_path, monkeypatch):
     folder, first = on_records
     assert first.status == 3
     assert "\r" not in first.err, "no progress bar in a pipe"
@@ -159,7 +159,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert stored.job.block == jobs.job_of(jobs.read_tables(folder / "job.toml")).block
 
 
-def test_a_pendulum_is_checked_with_the_records_of_a_job(on_records):
+def test_check_validates_a_pendulum_with_the_records_of_a_job(on_records):
     words = "--mass-ratio 0.05 --length-ratio 0.4 --pendulum-damping 0.2"
     done = call("check --scene", str(on_records[0] / "job.toml"), words)
     assert done.status == 3
@@ -169,7 +169,7 @@ def test_a_pendulum_is_checked_with_the_records_of_a_job(on_records):
     assert "  excitation  2 records, each at 2, 3 (PGA over g tan(alpha); at 1 " in done.out
 
 
-def test_a_design_is_simulated_under_another_record(on_records, tmp_path):
+def test_shake_simulates_a_stored_design_under_another_record(on_records, tmp_path):
     first = str(on_records[0] / "first")
     done = call("shake", first, out=tmp_path / "out")
     assert "the job has 2 records (quake.csv; loma-prieta), but exactly one is needed: choose it" in done.err
@@ -180,7 +180,7 @@ def test_a_design_is_simulated_under_another_record(on_records, tmp_path):
     assert "`tpd response` needs a harmonic motion, but the job has records" in done.err
 
 
-def test_the_report_describes_every_record(on_records):
+def test_report_and_json_describe_every_record(on_records):
     first = on_records[1]
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
     content = first.json("design.json")["reading"]
@@ -196,7 +196,7 @@ def test_the_report_describes_every_record(on_records):
         assert "records state no orientation" in " ".join(report.split())
 
 
-def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):
+def test_the_terminal_summarises_many_records_in_one_line(run_with, tmp_path):
     (tmp_path / "quakes").mkdir()
     for i in range(60):
         text = peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", f"1/2/{1940 + i}")
@@ -212,7 +212,7 @@ def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):
     assert lines[1] == "left out: a.AT2 (velocity)"
 
 
-def test_validation_records_of_the_same_earthquake_are_reported(tmp_path):
+def test_validation_records_of_a_search_earthquake_are_left_out(tmp_path):
     texts = {"a.AT2": "1/2/1999", "b.AT2": "01/02/99", "c.AT2": "1/2/1990"}
     for i, (name, day) in enumerate(texts.items()):
         (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))
@@ -244,7 +244,7 @@ FIRST_LINES = {
 
 
 @pytest.mark.parametrize("kind", FIRST_LINES)
-def test_every_answer_begins_with_the_block_alone(kind, tmp_path):
+def test_assess_begins_with_uplift_sliding_and_outcome_of_every_template(kind, tmp_path):
     path = tmp_path / "job.toml"
     path.write_text(template(kind) + FEW)
     done = call("assess", str(path))
@@ -279,7 +279,7 @@ def test_a_block_that_does_not_rock_needs_no_search(words, status, first, tmp_pa
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FIRST_LINES)
-def test_the_answer_for_every_template(kind, tmp_path):
+def test_only_the_chimney_template_gets_a_pendulum(kind, tmp_path):
     """Only the chimney gets a pendulum, whose numbers the README states."""
     path = tmp_path / "job.toml"
     path.write_text(template(kind))
@@ -294,7 +294,7 @@ def test_the_answer_for_every_template(kind, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_fixed_rod_and_a_limit_on_the_mass_bind_the_answer(tmp_path):
+def test_every_design_keeps_the_fixed_length_and_the_limit_on_the_mass(tmp_path):
     path = tmp_path / "job.toml"
     path.write_text(template("chimney").replace("# mass = 800.0 ", "mass = 500.0 "))
     done = call("optimise", str(path), "--pendulum-length 0.5", out=tmp_path / "out")
@@ -306,7 +306,7 @@ def test_a_fixed_rod_and_a_limit_on_the_mass_bind_the_answer(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_statue_in_the_earthquakes_of_fema_p695(tmp_path):
+def test_the_statue_is_optimised_under_the_records_of_fema_p695(tmp_path):
     done = call("optimise", STATUE, "--records fema-p695 --scales 1.5 2 3 4", out=tmp_path / "out")
     assert done.status in (0, 3)
     assert "uplift      at 0.326 g; the strongest condition reaches 1.3 g" in done.out

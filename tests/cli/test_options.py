@@ -73,7 +73,7 @@ def job_of(options: str, command: str = "optimise") -> jobs.Job:
 
 
 @pytest.mark.parametrize(("file", "options"), SAME)
-def test_a_file_and_the_options_are_the_same_job(tmp_path, monkeypatch, file, options):
+def test_options_define_the_same_job_as_a_file(tmp_path, monkeypatch, file, options):
     monkeypatch.chdir(tmp_path)
     text = file.replace("; ", "\n")
     (tmp_path / "job.toml").write_text(text)
@@ -83,7 +83,7 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, monkeypatch, file, op
     assert job_of("") == jobs.job_of({})
 
 
-def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
+def test_options_override_the_values_of_a_job_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     tables = {"block": {"width": 0.15, "height": 0.5, "mass": 20.0}, "search": {"risk": "cvar"}}
     tables |= {"excitation": {"amplitude": 0.02, "frequency": 2.0}, "conditions": {"amplitudes": [1, 1.1]}}
@@ -92,7 +92,7 @@ def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 
 
-def test_a_mass_in_kg_replaces_the_ratio_of_a_file_and_the_other_way_round(tmp_path, monkeypatch):
+def test_an_option_in_kg_or_as_a_ratio_replaces_the_range_of_the_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.toml").write_text("[space]\nmass_ratio = [0.02, 0.1]\nlength = 0.1\n")
     space = job_of("--scene job.toml --pendulum-mass 1 --length-ratio 0.2 0.6").space
@@ -109,13 +109,13 @@ def test_a_mass_in_kg_replaces_the_ratio_of_a_file_and_the_other_way_round(tmp_p
         ("restitution = 'housner'\n", "--restitution 0.9", (0.05, 0.9)),
     ],
 )
-def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, expected):
+def test_options_override_the_losses_of_a_file(tmp_path, content, options, expected):
     (tmp_path / "scene.toml").write_text(f"[block]\n{content}")
     block = job_of(f"--scene {tmp_path / 'scene.toml'} {options}", "response").block
     assert (block.friction, block.restitution) == expected
 
 
-def test_every_declared_option_is_compared_with_a_file():
+def test_the_table_of_this_module_contains_every_option():
     groups = [x for x in vars(grammar).values() if isinstance(x, tuple) and isinstance(x[0], Option)]
     assert len(groups) == 9
     flags = {option.flag for group in groups for option in group if not option.one}

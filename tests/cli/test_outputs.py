@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from tpd.cli import outputs
 
 
-def test_numbers_are_written_before_pictures_and_a_failure_costs_one_message(tmp_path, capsys):
+def test_numbers_are_written_before_pictures_and_a_failed_picture_gets_one_message(tmp_path, capsys):
     def fails():
         assert (tmp_path / "a.csv").read_text() == "1\n"
         raise ValueError("no colours")

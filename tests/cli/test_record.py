@@ -48,7 +48,7 @@ def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypat
 
 
 @pytest.mark.parametrize(("unit", "shown"), [("g", "3 g"), ("mm/s2", "0.0003059 g")])
-def test_an_implausible_size_is_a_warning(table, unit, shown):
+def test_an_implausible_pga_gets_a_warning(table, unit, shown):
     done = call("record", table(unit))
     assert done.status == 0
     assert done.out.splitlines()[1] == (
@@ -85,14 +85,14 @@ def test_a_folder_has_a_line_for_each_record_and_lists_files_without_motion(tmp_
         (f"{DATA}/README.md", "README.md"),
     ],
 )
-def test_invalid_input_gets_one_sentence(words, message, tmp_path):
+def test_invalid_record_input_is_rejected_in_one_sentence(words, message, tmp_path):
     done = call("record", words, out=tmp_path / "out")
     assert (done.status, done.out, done.files) == (2, "", {})
     assert message in done.err
     assert len(done.err.splitlines()) == 1
 
 
-def test_a_name_with_dollars_has_a_picture(table, tmp_path):
+def test_a_file_name_with_dollar_signs_can_be_a_plot_title(table, tmp_path):
     path = tmp_path / "$1_$2.csv"
     table("m/s2", name=path.name)
     # Without a component the name of the file is the title.
@@ -102,12 +102,12 @@ def test_a_name_with_dollars_has_a_picture(table, tmp_path):
     assert done.files.keys() == {"records.csv", "record_1.png"}
 
 
-def test_peaks_between_the_samples_are_printed(tmp_path):
+def test_the_peak_between_samples_is_printed(tmp_path):
     (tmp_path / "a.csv").write_text("time (s),acc (m/s2)\n0.00,0\n0.02,1.2\n0.04,-0.8\n0.06,0\n")
     assert "peak velocity (PGV)      0.0192 m/s" in call("record", str(tmp_path / "a.csv")).out
 
 
-def test_an_empty_name_is_an_error(table, tmp_path, monkeypatch):
+def test_an_empty_record_name_is_rejected(table, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     table("m/s2")
     with contextlib.redirect_stderr(io.StringIO()) as stderr:
@@ -115,7 +115,7 @@ def test_an_empty_name_is_an_error(table, tmp_path, monkeypatch):
     assert "the name of a record must not be empty" in stderr.getvalue()
 
 
-def test_other_commands_warn_of_an_implausible_peak(table, tmp_path):
+def test_shake_warns_of_an_implausible_pga(table, tmp_path):
     block = "--width 0.5 --height 2.5 --mass 1000 --restitution 0.9"
     done = call("shake", block, "--record", table("g"), "--free", "1", out=tmp_path / "out")
     assert "warning: the PGA is implausible (usual are 0.001 to 2 g)" in done.out

@@ -15,7 +15,7 @@ from tpd.scene.conditions import train_of
 RANGE = "--from 1.7 --to 3 --points 24 --simulate 2 --pendulum-mass 0.8 --length-ratio 0.5"
 
 
-def test_the_response_agrees_with_the_library(run):
+def test_response_writes_the_branches_of_the_library(run):
     done = run("response", RANGE)
     assert done.status == 0
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
@@ -48,7 +48,7 @@ def test_the_response_agrees_with_the_library(run):
     assert "already contains files" in run("response", RANGE).err
 
 
-def test_without_dimensions_the_acceleration_stays(run):
+def test_a_dimensionless_sweep_keeps_the_acceleration(run):
     done = run("response", "--from 2.6 --to 3 --points 8 --dimensionless --simulate 0")
     assert done.status == 0
     assert "without a pendulum: 1 branches from 2.6 to 3\n" in done.out

@@ -17,7 +17,7 @@ PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 
 
-def test_shake_agrees_with_the_library(run):
+def test_shake_writes_the_results_of_the_library(run):
     done = run("shake", COLUMN, PENDULUM_OPTIONS, PULSE, "0.4", "--free", "5")
     assert done.status == 0
     names = {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
@@ -38,7 +38,7 @@ def test_shake_agrees_with_the_library(run):
     assert "friction coefficient to prevent sliding" in done.out
 
 
-def test_a_record_is_read_and_scaled(run, tmp_path):
+def test_shake_scales_the_acceleration_of_a_record(run, tmp_path):
     t = np.arange(300) * 0.01
     lines = [f"{x:.2f},{0.3 * np.sin(8.0 * x):.6f}" for x in t]
     (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
@@ -48,14 +48,14 @@ def test_a_record_is_read_and_scaled(run, tmp_path):
     assert linear["tilt"] == pytest.approx(float(expected.tilt), rel=1e-12)
 
 
-def test_the_exit_status_reports_overturning(run):
+def test_the_exit_status_depends_on_overturning(run):
     done = run("shake", COLUMN, PULSE, "0.5", "--free", "5")
     assert done.status == 3
     assert "overturned" in done.out
     assert done.json("shake.json")["results"]["without a pendulum"]["tilt"] == "infinite"
 
 
-def test_the_swing_is_that_of_the_nonlinear_equations_and_impacts_have_a_stated_rate(run):
+def test_shake_prints_the_swing_of_both_models_and_counts_strong_impacts(run):
     """A marble column under El Centro: the bob swings 0.443 rad, but 0.377 rad by the linear equations."""
     column = "--width 0.62 --height 5.2 --mass 4239 --friction 0 --restitution housner"
     bob = "--mass-ratio 0.05 --pendulum-length 1.3 --record el-centro"
@@ -82,7 +82,7 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     assert "equations have no solution" in done.out
 
 
-def test_numbers_are_written_before_pictures_and_a_failed_picture_costs_one_message(run, monkeypatch):
+def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
     def broken(*_, **how):
         raise RuntimeError("no such font\nat all")
 
@@ -115,7 +115,7 @@ def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, mon
     assert not (tmp_path / "out").exists()
 
 
-def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch):
+def test_a_surviving_block_has_finite_histories_and_no_overturning_mark(tmp_path, monkeypatch):
     drawn, plot = [], response.plot_motions
     monkeypatch.setattr(response, "plot_motions", lambda *a: drawn.append(plot(*a)) or drawn[-1])
     for i, (dt, n) in enumerate([(0.01, 1500), (0.01, 2311), (0.005, 3001), (0.02, 700)]):
@@ -132,7 +132,7 @@ def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch
         assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]
 
 
-def test_the_friction_of_the_motion_is_compared_with_that_of_the_base(run):
+def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
     block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.32 --record el-centro --pga 0.45 --free 1"
     said = " ".join(run("shake", block, "--mass-ratio 0.05 --pendulum-length 0.5").out.split())
     assert (
@@ -156,5 +156,5 @@ def test_the_friction_of_the_motion_is_compared_with_that_of_the_base(run):
         ((math.nan, 0.1), ""),
     ],
 )
-def test_the_last_sentence_compares_both_cases(tilts, sentence):
+def test_the_last_sentence_compares_the_tilts_with_and_without_pendulum(tilts, sentence):
     assert shake.difference(*tilts) == sentence

@@ -6,7 +6,7 @@ from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
 from tests.unanswered import unanswered
 
 
-def test_the_spectrum_of_a_pulse_and_of_a_record(run):
+def test_spectrum_accepts_a_pulse_or_a_record(run):
     done = run("spectrum", COLUMN, PENDULUM_OPTIONS, "--pulse", "ricker", "--points", "5")
     assert done.status == 0
     assert done.files.keys() == {"spectrum.csv", "spectrum.json", "spectrum.png"}

@@ -21,7 +21,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals differ")
 
 @posix
 @pytest.mark.parametrize("moment", ["stderr", "stdout"])
-def test_ctrl_c_ends_a_command_at_once(tmp_path, moment):
+def test_ctrl_c_ends_a_command_without_traceback_or_files(tmp_path, moment):
     """Interrupt while modules are imported, and while a program compiles."""
     with subprocess.Popen(COMMAND, cwd=tmp_path, **PIPES) as run:
         line = getattr(run, moment).readline()
@@ -50,7 +50,7 @@ main()
 
 
 @posix
-def test_code_that_never_returns_to_python_is_ended_and_a_shell_has_status_130():
+def test_ctrl_c_ends_compiled_code_with_status_130():
     """A sum runs in C, as a compiler does. Python itself would handle the signal only after its end."""
     # A shell starts processes in the background with Ctrl-C ignored.
     script = f"{shlex.join([sys.executable, '-c', BUSY])} & echo $!; wait $!; echo $?"
@@ -62,7 +62,7 @@ def test_code_that_never_returns_to_python_is_ended_and_a_shell_has_status_130()
     assert (out, "Traceback" in err) == ("130\n", False)
 
 
-def test_in_python_ctrl_c_is_an_exception_for_the_caller(monkeypatch):
+def test_ctrl_c_raises_keyboard_interrupt_for_a_caller_in_python(monkeypatch):
     before = signal.getsignal(signal.SIGINT)
 
     def stop(_):
@@ -74,7 +74,7 @@ def test_in_python_ctrl_c_is_an_exception_for_the_caller(monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_no_message_about_the_work_follows_the_answer(monkeypatch, capsys):
+def test_progress_messages_stop_before_the_answer(monkeypatch, capsys):
     for name, seconds in {"EVERY": 0.0, "TICK": 0.02, "_SOON": 0.0}.items():
         monkeypatch.setattr(terminal, name, seconds)
     with terminal.announced("working"):
@@ -101,7 +101,7 @@ sys.exit(main())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such users")
-def test_a_warning_is_a_sentence_and_a_user_needs_no_home_folder():
+def test_a_warning_is_one_sentence_without_a_home_folder():
     done = subprocess.run([sys.executable, "-c", HOMELESS], capture_output=True, text=True)
     assert done.returncode == 2
     lines = [line for line in done.stderr.splitlines() if "checking" not in line]
@@ -120,7 +120,7 @@ with i.lasting_output():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such devices")
-def test_a_closed_pipe_does_not_end_the_work_and_a_full_disk_is_reported(tmp_path):
+def test_a_closed_pipe_is_ignored_and_a_full_disk_is_reported(tmp_path):
     how = {"cwd": tmp_path, "stderr": subprocess.PIPE, "text": True}
     command = [sys.executable, "-c", TABLE]
     with subprocess.Popen(command, stdout=subprocess.PIPE, **how) as process:
@@ -138,7 +138,7 @@ def test_a_closed_pipe_does_not_end_the_work_and_a_full_disk_is_reported(tmp_pat
 
 
 @pytest.mark.parametrize("set_to", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
-def test_letters_that_the_encoding_lacks_are_question_marks(tmp_path, set_to):
+def test_characters_outside_the_encoding_are_printed_as_question_marks(tmp_path, set_to):
     env = os.environ | {"PYTHONCOERCECLOCALE": "0"} | set_to
     done = subprocess.run([sys.executable, "-c", TABLE], cwd=tmp_path, env=env, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"done\n")
@@ -146,7 +146,7 @@ def test_letters_that_the_encoding_lacks_are_question_marks(tmp_path, set_to):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems store names of files as text")
-def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
+def test_a_path_can_contain_any_character_under_any_locale(tmp_path):
     folder = tmp_path / "größe"
     folder.mkdir()
     rows = "".join(f"{0.01 * i:.2f},{0.3 * math.sin(0.08 * i):.6f}\n" for i in range(300))

@@ -19,7 +19,7 @@ MANY = tuple(
 
 
 @pytest.mark.parametrize("kind", [*DESIGNS, "many reasons"])
-def test_the_answer_has_at_most_34_lines_and_ends_with_the_report(kind):
+def test_the_printed_summary_has_at_most_34_lines(kind):
     design = against(*MANY) if kind == "many reasons" else DESIGNS[kind]()
     about = Details() if kind == "many reasons" else details(kind)
     said = answer(design, about, Path("a folder")).splitlines()
@@ -41,7 +41,7 @@ def test_the_answer_has_at_most_34_lines_and_ends_with_the_report(kind):
 
 
 @pytest.mark.parametrize("status", DesignStatus)
-def test_the_verdict_of_every_status_comes_first(status):
+def test_the_printed_summary_begins_with_the_verdict(status):
     design = replace(rejected(), status=status)
     assert answer(design, Details()).startswith(flat(verdict(design).marked)[:60])
     assert verdict(design).severity is Severity.note

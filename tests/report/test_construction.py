@@ -23,7 +23,7 @@ def rows(table: Table) -> dict:
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_sizes_are_those_of_the_body_and_loads_those_of_the_motions():
+def test_sizes_describe_the_bob_as_built_and_loads_the_simulated_motions():
     table, with_it, loads = section()[0], harmonic().pendulum, details().build.loads
     found = rows(table)
     body, rod = tpd.limits.Bob().built(with_it.mass, with_it.length, 9.80665)
@@ -46,7 +46,7 @@ def test_sizes_are_those_of_the_body_and_loads_those_of_the_motions():
     assert construction.section(rejected(), details("rejected")) == []
 
 
-def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
+def test_parts_state_size_unit_steel_and_factor_of_safety():
     parts = Parts(0.042, 13.1, 0.014, 0.3, 2778.0, 1667.0, 0.24, 0.6, 0.45, 0.03, 66667.0)
     table, second = section(parts=parts, rod=1.2, rod_share=0.1, mass=200.0)[1:3]
     found = rows(table)
@@ -72,7 +72,7 @@ def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
     assert "stop, largest force" not in rows(table)
 
 
-def test_checks_on_site_have_the_readings_to_expect():
+def test_checks_on_site_state_the_expected_readings():
     checks, with_it = section()[3], harmonic().pendulum
     assert isinstance(checks, Listing)
     ten, damped, pull = checks.items
@@ -86,7 +86,7 @@ def test_checks_on_site_have_the_readings_to_expect():
     assert "It should come to rest without a swing to the other side" in section(rebound=0.004)[3].items[1]
 
 
-def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
+def test_tolerances_list_the_deviations_that_make_the_benefit_insignificant():
     holds, lost = Interval(0.3, 0.2, 0.4), Interval(0.1, -0.05, 0.25)
     varied = (Sensitivity("mass", 0.05, holds, holds), Sensitivity("slenderness", 0.05, lost, holds))
     *_, table, said = construction.section(harmonic(), dataclasses.replace(details(), sensitivity=varied))
@@ -99,7 +99,7 @@ def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
     assert said == Text("The benefit remains significant in all of these cases.")
 
 
-def test_a_narrower_base_is_compared_with_the_stated_one():
+def test_worn_edges_are_compared_with_the_stated_base():
     blocks = construction.section(harmonic(), details())
     (text,) = (b.text for b in blocks if isinstance(b, Text) and "worn edges" in b.text)
     # nu + k: 0.25 + 0.05, and 0.225 + 0.05.
@@ -110,7 +110,7 @@ def test_a_narrower_base_is_compared_with_the_stated_one():
         assert with_and_without(change.with_pendulum, change.without_pendulum) in text
 
 
-def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
+def test_a_pendulum_without_an_equivalent_body_has_no_size():
     table, *others = section(mass=float("nan"), rod=float("nan"), parts=None)
     assert isinstance(others[0], Listing)
     assert rows(table)["rod, hinge to the bob's centre"][0] == "–"
@@ -118,7 +118,7 @@ def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
     assert "nan " not in str(table)
 
 
-def test_the_scatter_of_a_restitution_is_described_as_that_of_the_loss():
+def test_the_tolerance_of_restitution_is_stated_for_the_energy_loss():
     """e = 0.95 within 2 % is a loss of 0.05 within 38 %."""
     problem, holds = harmonic().problem, Interval(0.3, 0.2, 0.4)
     block = dataclasses.replace(SCENE.block, restitution=0.95, friction=0.0)

@@ -33,7 +33,7 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     assert report.summary.comparison not in [block for s in report.sections for block in s.blocks]
 
 
-def test_every_other_reduction_of_a_report_names_the_one_that_counts():
+def test_every_other_reduction_refers_to_the_reduction_of_the_verdict():
     report = content(harmonic(), details())
     counts = "The reduction that counts is the one in the verdict."
     (losses,) = section(report, "Other energy losses")
@@ -45,7 +45,7 @@ def test_every_other_reduction_of_a_report_names_the_one_that_counts():
     assert "for comparison only" in dict(report.summary.rows)["losses"]
 
 
-def test_the_hypotheses_name_the_intensity_once_and_define_overturned_and_surviving_runs():
+def test_hypotheses_state_the_intensity_once_and_define_surviving_runs():
     (table,) = section(content(ground(), Details()), "Hypotheses")
     rows = dict(table.rows)
     assert rows["excitation"].count("PGA over g tan(alpha)") == 1
@@ -53,7 +53,7 @@ def test_the_hypotheses_name_the_intensity_once_and_define_overturned_and_surviv
     assert {"starts", "duration", "overturned", "direction", "α, toppling angle", "energy loss"} <= set(rows)
 
 
-def test_the_document_has_lines_for_author_checker_and_revision_and_the_codes_are_left_to_the_designer():
+def test_the_document_has_lines_for_author_and_checker_and_lists_the_codes():
     project = {"name": "Tower", "author": "N. N.", "checker": None}
     document, scope = section(content(harmonic(), details(), project=project), "Document and scope")
     labels = "project", "author", "checked by", "revision", "date", "signatures"
@@ -63,7 +63,7 @@ def test_the_document_has_lines_for_author_checker_and_revision_and_the_codes_ar
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind):
+def test_sections_have_a_fixed_order_and_empty_sections_are_omitted(kind):
     order = ["Hypotheses", "Document and scope", "Notes", "Build it", "Lighter pendulums"]
     order += ["Validation runs", "Against a wider base", "Under other sets of records"]
     order += [
@@ -101,7 +101,7 @@ def test_the_front_has_a_row_for_every_mass():
     assert (table.rows[1][0], table.rows[1][2]) == ("5 kg", "30 % (20 to 40 %)")
 
 
-def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
+def test_the_last_section_has_the_command_that_repeats_the_search(tmp_path):
     blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), REPEAT)
     said = [block.text for block in blocks if isinstance(block, Code)]
     again = f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again"
@@ -109,7 +109,7 @@ def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
     assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), REPEAT))
 
 
-def test_records_are_listed_with_the_notes_on_their_files():
+def test_the_appendix_lists_records_and_notes_on_their_files():
     table, notes = section(
         content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Appendix: records"
     )

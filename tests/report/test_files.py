@@ -25,7 +25,7 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
     return head, rows
 
 
-def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
+def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
     toml = "[block]\nwidth = 0.1\n"
     written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml)
@@ -43,7 +43,7 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     assert page.count("<figure>") == 6
 
 
-def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
+def test_a_report_replaces_the_files_of_the_previous_report(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
     write(tmp_path, harmonic(), details(), {}, "[block]")
     (tmp_path / "explore.html").write_text("a page of the user")
@@ -56,7 +56,7 @@ def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
     assert said == [f"{tmp_path} also contains files that are not of this run: explore.html, mine.gif"]
 
 
-def test_a_report_is_written_with_its_job(tmp_path, monkeypatch):
+def test_a_report_contains_its_job_if_the_job_can_be_written(tmp_path, monkeypatch):
     def unsaid(_):
         raise ValueError("a limit of one's own")
 
@@ -72,7 +72,7 @@ def test_a_report_is_written_with_its_job(tmp_path, monkeypatch):
     assert "scene.toml" not in {path.name for path in written}
 
 
-def test_motions_and_responses_are_tables():
+def test_time_histories_and_responses_are_written_as_csv():
     without, with_it = details().histories
     head, rows = read(motion_csv((without, with_it)))
     assert head == ["time_s", "without_tilt_rad", "with_tilt_rad", "with_bob_rad"]
@@ -106,7 +106,7 @@ class Verdict(SimpleNamespace):
         return f"table of {self.engine} & more"
 
 
-def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
+def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):
     (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
     (tmp_path / "report.html").write_text('<body>\n<p class="verdict note">verdict</p>\n</body>\n')
     for warning in ("DANGER: by MuJoCo it harms", ""):
@@ -123,14 +123,14 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
 
 
-def test_a_file_of_a_report_stands_for_its_folder_and_a_pendulum_of_options_has_no_report(tmp_path):
+def test_a_section_is_added_to_the_report_of_a_design_file(tmp_path):
     (tmp_path / "report.txt").write_text("verdict\n")
     assert add_section(tmp_path / "design.json", FRAGILITY, "medians") == [tmp_path / "report.txt"]
     assert (tmp_path / "report.txt").read_text().count("medians") == 1
     assert add_section(None, FRAGILITY, "medians") == []
 
 
-def test_sections_of_several_commands_stand_one_after_another(tmp_path):
+def test_sections_of_several_commands_keep_their_order(tmp_path):
     (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
     for title, content in ((ENGINE, "table 1"), (FRAGILITY, "medians"), (ENGINE, "table 2")):
         add_section(tmp_path, title, content)
@@ -139,7 +139,7 @@ def test_sections_of_several_commands_stand_one_after_another(tmp_path):
     assert text == f"verdict\n\nbody\n\n{engine}table 2\n\n{fragility}medians\n"
 
 
-def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_numbers(tmp_path, monkeypatch):
+def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_path, monkeypatch):
     def drawn(name, *_):
         if name.startswith("search"):
             raise RuntimeError("latex was not able to process\nthe following string")
@@ -168,7 +168,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     assert written[0] == tmp_path / "saved" / "report.txt"
 
 
-def test_a_report_under_ground_motions_is_written_as_a_whole(tmp_path, monkeypatch):
+def test_a_report_under_records_is_complete_and_can_be_read_back(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "tpd.plots.results.draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"\x89PNG"
     )

@@ -26,7 +26,7 @@ def written(design, about=None) -> dict:
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_every_design_is_what_the_schema_describes(kind):
+def test_the_json_of_every_design_matches_the_schema(kind):
     VALIDATOR.check_schema(SCHEMA)
     content, design = written(DESIGNS[kind](), details(kind)), DESIGNS[kind]()
     VALIDATOR.validate(content)
@@ -41,7 +41,7 @@ def test_every_design_is_what_the_schema_describes(kind):
     assert content["reading"]["records"] == [] or "earthquake" in content["reading"]["records"][0]
 
 
-def test_designs_without_runs_and_with_a_front_are_described_as_well():
+def test_designs_without_runs_or_with_a_front_match_the_schema():
     calm = dataclasses.replace(
         harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None, search=None
     )
@@ -53,7 +53,7 @@ def test_designs_without_runs_and_with_a_front_are_described_as_well():
         VALIDATOR.validate(content)
 
 
-def test_shares_under_other_records_are_described_or_a_sentence():
+def test_results_of_other_record_sets_match_the_schema():
     overturned = tuple(Change(at, 0.1, 0.2, -0.3, 0.1) for at in ("1.5", "2", "3", "4"))
     other = Transfer("near-field-pulse", overturned, 28, 11, 6)
     for transfer in ((other,), "The records are not installed."):
@@ -62,14 +62,14 @@ def test_shares_under_other_records_are_described_or_a_sentence():
     assert content["transfer"] == "The records are not installed."
 
 
-def test_other_content_is_refused():
+def test_the_schema_rejects_wrong_versions_types_and_keys():
     sound = written(harmonic(), details())
     wrong = {"version": VERSION - 1, "pendulum": {"mass": 1.0}, "status": "good", "seed": "large", "more": 1}
     for key, value in wrong.items():
         assert not VALIDATOR.is_valid(sound | {key: value}), key
 
 
-def test_infinities_have_their_sign_and_reasons_their_sentence():
+def test_json_states_infinities_with_sign_and_reasons_as_sentences():
     # The motions that are held out are of one earthquake: the interval of the benefit has no ends.
     benefit = written(ground())["runs"]["benefit"]
     assert (benefit["low"], benefit["high"]) == ("-infinite", "infinite")

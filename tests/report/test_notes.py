@@ -59,7 +59,7 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
     assert "clear of the walls at no angle" in note.text
 
 
-def test_walls_are_watched_in_all_motions_and_reported_once():
+def test_wall_contact_is_reported_once_for_orbits_transients_and_runs():
     n = len(harmonic().conditions)
     zero = np.zeros(n)
     orbits = {"swing": zero[None], "tilt": zero[None]}
@@ -77,7 +77,7 @@ def test_walls_are_watched_in_all_motions_and_reported_once():
     assert not said(tuned(), "TOUCH")
 
 
-def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighed():
+def test_overturning_from_rest_is_a_danger_unless_the_pendulum_prevents_more():
     n = len(harmonic().conditions)
     without = harmonic().problem.without_pendulum.status == "overturned"
     stood = np.flatnonzero(~without)
@@ -94,7 +94,7 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
 
 
-def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_one_by_name():
+def test_the_note_on_overturning_names_the_stated_condition():
     design = harmonic()
     conditions, without = design.conditions, design.problem.without_pendulum
     n, stated = len(conditions), (conditions.factor_rows() == 1.0).all(axis=1)
@@ -110,13 +110,13 @@ def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_o
     assert note.severity is Severity.note
 
 
-def test_a_share_of_overturning_that_does_not_fall_is_named():
+def test_a_note_reports_a_share_of_overturning_that_does_not_fall():
     same = dataclasses.replace(harmonic().runs, with_pendulum=harmonic().runs.without_pendulum)
     assert said(changed(quoted=same), "the share of runs that overturn does not fall significantly")
     assert not said(harmonic(), "does not fall significantly")
 
 
-def test_runs_without_an_answer_are_counted():
+def test_a_note_counts_the_runs_without_a_result():
     runs = harmonic().runs
     outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)
     lost = dataclasses.replace(runs.with_pendulum, outcome=outcome)
@@ -125,14 +125,14 @@ def test_runs_without_an_answer_are_counted():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_dangers_come_first_and_no_note_is_repeated(kind):
+def test_dangers_precede_notes_and_no_note_is_repeated(kind):
     found = notes(DESIGNS[kind](), details(kind))
     order = [n.severity.value for n in found]
     assert order == sorted(order)
     assert len({n.text for n in found}) == len(found)
 
 
-def test_wall_contact_is_a_danger_whatever_a_job_allows():
+def test_wall_contact_is_a_danger_at_any_allowed_share():
     for share, count in ((0.62, 1), (0.005, 0)):
         found = notes(changed(tuned(), over_limit=share), Details())
         dangers = [n for n in found if n.severity is Severity.danger]
@@ -140,7 +140,7 @@ def test_wall_contact_is_a_danger_whatever_a_job_allows():
     assert not said(ground(), "exceed a limit")
 
 
-def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
+def test_significantly_more_overturning_at_a_nearby_frequency_is_a_danger():
     def pair(*cases):
         """Responses with shares of 32 runs each, and Wilson's intervals."""
         plain, at = details().responses[0], np.array([2.0, 2.45, 3.0])
@@ -182,6 +182,6 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
         ("The worst settled tilt, which the descents reduce, is larger", {"value": 9.0}),
     ],
 )
-def test_every_other_doubt_about_the_conclusions_is_a_note(words, exact):
+def test_other_limitations_of_the_result_are_notes(words, exact):
     assert only(changed(exact=dict(exact)), words).severity is Severity.note
     assert not said(harmonic(), words) or "value" in exact

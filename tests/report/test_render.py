@@ -52,7 +52,7 @@ def report(verdict: Note, *sections: Section) -> Report:
     return Report("title", Summary(verdict, (), (("bob", "5 kg"),), None), (), sections)
 
 
-def test_the_page_is_whole_and_needs_nothing_from_outside():
+def test_the_page_embeds_its_pictures_and_loads_no_external_file():
     pictures = dict.fromkeys(figures(harmonic(), details()), PNG)
     page = html(content(harmonic(), details(), "[block]\n"), pictures)
     reader = read(page)
@@ -68,7 +68,7 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_page_and_text_have_the_same_content_in_the_same_order(kind):
+def test_page_and_text_report_have_equal_content_and_order(kind):
     found = content(DESIGNS[kind](), details(kind), "[block]\n")
     said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
     assert report.startswith(found.summary.verdict.marked)
@@ -83,7 +83,7 @@ def test_page_and_text_have_the_same_content_in_the_same_order(kind):
         assert found.summary.comparison.caption in words
 
 
-def test_severities_are_classes_and_all_sections_but_the_first_are_folded():
+def test_only_the_first_section_is_open_and_dangers_have_a_css_class():
     sections = Section("a", (danger("D"), note("N"))), Section("b", (Text("y"),))
     page = html(report(note("verdict"), *sections), {})
     tags = read(page).tags
@@ -100,7 +100,7 @@ def test_severities_are_classes_and_all_sections_but_the_first_are_folded():
     assert ("p", {"class": "verdict danger"}) in read(html(report(danger("no")), {})).tags
 
 
-def test_everything_is_escaped_and_numbers_stand_to_the_right():
+def test_cells_are_escaped_and_numbers_are_right_aligned():
     table = Table(("name", "size"), (("<i>", 1.0), ("none", None), ("?", float("nan"))), "a & b")
     reader = read(html(of(table, Code("<b>"), note("</p>")), {}))
     cells = [attributes for tag, attributes in reader.tags if tag == "td"]
@@ -111,7 +111,7 @@ def test_everything_is_escaped_and_numbers_stand_to_the_right():
     assert reader.text.count("–") == 2
 
 
-def test_wide_tables_scroll_and_their_captions_do_not():
+def test_wide_tables_scroll_without_their_captions():
     page = html(of(Table(("a", "b", "c", "d"), (("1", "2", "3", "4"),), "caption")), {})
     assert read(page).text.count("Scroll sideways to see all columns") == 1
     assert "caption" not in page[page.index('<div class="wide"') : page.index("</div>")]
@@ -127,7 +127,7 @@ def test_figures_without_a_file_are_left_out_of_the_page():
         html(of(figure), {"a.png": b"BM"})
 
 
-def test_long_sentences_of_a_table_stand_below_their_row():
+def test_long_cells_of_a_text_table_are_printed_below_their_row():
     rows = (("search", "because " * 20), ("path", "short"), ("none", None))
     lines = text(of(Table(("from", "reasons"), rows))).splitlines()
     assert lines[-7:-5] == ["from", "search"]

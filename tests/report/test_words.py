@@ -22,7 +22,7 @@ def changed(**block) -> tpd.Scene:
     return dataclasses.replace(PAPER, block=dataclasses.replace(PAPER.block, **block))
 
 
-def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block():
+def test_the_description_states_which_values_differ_from_the_paper():
     for scene, said in (
         (PAPER, "with the paper's excitation and losses"),
         (changed(restitution=0.9), "with other losses than the paper's"),
@@ -34,7 +34,7 @@ def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block
         assert words.origin(changed(**{size: 0.2})) == "a block of your own"
 
 
-def test_lines_have_block_motion_and_losses_in_si_units():
+def test_scene_lines_describe_block_excitation_and_losses_in_si_units():
     block, motion, losses = words.scene_lines(COLUMN)
     assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
     assert "topples at 0.1651 rad (9.46°)" in block
@@ -43,18 +43,18 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert losses == "  losses      impacts e = 0.9"
 
 
-def test_the_cavity_is_described():
+def test_scene_lines_state_the_width_of_the_cavity():
     assert ", cavity 0.08 m wide; " in words.scene_lines(PAPER)[1]
     assert ", cavity 0.06 m wide; " in words.scene_lines(changed(cavity_width=0.06))[1]
 
 
-def test_the_part_of_the_width_on_which_a_block_rocks_is_described():
+def test_scene_lines_state_the_effective_width_of_the_base():
     block = words.scene_lines(changed(effective_width=0.9))[0]
     assert "0.1 m wide, 0.4 m high, 16.22 kg, rocks on 90 % of its width, cavity 0.08 m wide" in block
     assert "slenderness 0.225; topples at 0.2213 rad" in block
 
 
-def test_the_threshold_of_uplift_is_that_of_the_closed_form():
+def test_uplift_begins_at_the_closed_form_acceleration():
     for factor, lifts in ((0.999, False), (1.001, True)):
         amplitude = factor * PAPER.uplift / PAPER.peak * 0.015
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
@@ -65,7 +65,7 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         assert said.endswith(": the block lifts" if lifts else ": the block does not lift")
 
 
-def test_sliding_before_uplift_is_named():
+def test_the_line_on_friction_reports_sliding_before_uplift():
     for own, reach, said in (
         (
             None,
@@ -79,7 +79,7 @@ def test_sliding_before_uplift_is_named():
         assert AtRest.of(0.3, 0.05, reach, own).sliding_in_words.endswith(said)
 
 
-def test_a_report_names_the_energy_losses():
+def test_energy_losses_are_described_by_friction_and_restitution():
     for losses, said in (
         ({"restitution": 1.0, "friction": 0.05}, "friction k = 0.05"),
         ({}, "impacts e = 0.9118 (Housner, without a pendulum)"),
@@ -88,7 +88,7 @@ def test_a_report_names_the_energy_losses():
         assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
 
 
-def test_a_value_of_the_risk_in_words():
+def test_the_risk_is_described_as_a_tilt_or_an_uplift_margin():
     for value, changes, said in (
         (0.3, {}, "0.07500 rad (30.0 % of ν)"),
         (-0.1, {}, "none: the block stays at rest with 10.0 % of the lifting moment in reserve"),
@@ -103,13 +103,13 @@ def test_a_value_of_the_risk_in_words():
         assert words.risk(dataclasses.replace(harmonic(), problem=problem), value) == said
 
 
-def test_infinite_and_unknown_angles_are_distinguished():
+def test_an_infinite_angle_reads_overturns_and_nan_reads_unknown():
     assert words.angle(0.1) == "0.1 rad (5.73°)"
     assert words.angle(np.inf) == "overturns"
     assert words.angle(np.nan) == "unknown"
 
 
-def test_limits_in_words():
+def test_each_limit_is_described_in_words():
     assert words.limit(Mass(2.0)) == "mass 2 kg"
     assert words.limit(Clearance()) == "the bob, a solid ball of steel, does not touch the walls"
     wood = Clearance(Bob(shape="cylinder", density=700.0))
@@ -118,7 +118,7 @@ def test_limits_in_words():
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
 
 
-def test_the_toppling_angle_is_that_of_the_geometry():
+def test_the_toppling_angle_is_atan_of_width_over_height():
     block = tpd.Block(width=0.55, height=1.8, mass=700.0)
     scene = tpd.Scene(block, tpd.paper_scene().excitation)
     # atan(0.55/1.8) = 16.99 degrees.
