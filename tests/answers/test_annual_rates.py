@@ -40,7 +40,7 @@ def curves() -> Fragility:
     return tpd.fragility(STATUE, RECORDS, scales=scales, pendulum=PENDULUM, nonlinear=False)
 
 
-def test_the_rates_are_those_of_the_fitted_curves():
+def test_annual_rates_follow_from_the_fitted_fragility_curves():
     of = rates(outcomes())
     for hit, rate in zip(outcomes(), of.cases, strict=True):
         fit = fit_lognormal(STRIPES, hit)
@@ -66,7 +66,7 @@ def test_an_equal_pendulum_has_the_ratio_one():
     assert (of.ratio.low, of.ratio.mean, of.ratio.high) == (1.0, 1.0, 1.0)
 
 
-def test_the_interval_contains_the_true_ratio_as_often_as_it_states():
+def test_the_interval_of_the_rate_ratio_has_its_stated_coverage():
     # 22 earthquakes of two motions that are equal, so that motions alone would give a narrow interval.
     true = rates(outcomes(99, 4000), quakes=np.arange(4000) % 2).ratio.mean
     inside = 0
@@ -78,7 +78,7 @@ def test_the_interval_contains_the_true_ratio_as_often_as_it_states():
     assert inside >= 17
 
 
-def test_the_same_seed_gives_the_same_interval_whatever_the_order_of_the_motions():
+def test_the_interval_depends_on_the_seed_and_not_on_the_order_of_records():
     first, other = rates(outcomes()), rates(outcomes(), seed=1)
     assert first.ratio == rates(outcomes()).ratio != other.ratio
     # The two motions of an earthquake change places.
@@ -86,7 +86,7 @@ def test_the_same_seed_gives_the_same_interval_whatever_the_order_of_the_motions
     assert rates(swapped).ratio.high == pytest.approx(first.ratio.high, rel=1e-9)
 
 
-def test_few_earthquakes_have_no_interval():
+def test_the_rate_ratio_of_few_earthquakes_has_no_interval():
     of = rates(outcomes(motions=8))
     assert of.earthquakes == 4
     assert (of.ratio.low, of.ratio.high) == (0.0, math.inf)
@@ -94,7 +94,7 @@ def test_few_earthquakes_have_no_interval():
     assert "bootstrap" not in str(of)
 
 
-def test_a_case_that_never_overturns_has_a_bound_and_no_number():
+def test_the_rate_of_a_block_that_never_overturns_is_bounded():
     hits = outcomes()
     hits[1] = 0.0
     of = rates(hits)
@@ -107,7 +107,7 @@ def test_a_case_that_never_overturns_has_a_bound_and_no_number():
     assert f"at an unknown annual rate with it ({years})" in str(of)
 
 
-def test_outcomes_that_do_not_grow_with_the_intensity_have_no_rate():
+def test_a_share_that_does_not_grow_with_intensity_has_no_rate():
     of = rates(outcomes()[:, :, ::-1])
     assert math.isnan(of.without_pendulum.mean)
     assert "interval unknown; dispersion of the curve: the share does not grow with the intensity" in str(of)
@@ -133,7 +133,7 @@ def test_resamples_without_a_curve_are_counted():
     assert f"; {of.without_fit} of them determine no curve)" in str(of)
 
 
-def test_the_sentences_state_years_ratio_and_probability():
+def test_the_text_states_return_period_ratio_and_probability():
     of = rates(outcomes())
     first, ratio, kind = of.sentences[:3]
     number = r"[\d.]+"
@@ -145,7 +145,7 @@ def test_the_sentences_state_years_ratio_and_probability():
     assert "paired bootstrap (200 resamples of 22 earthquakes, seed 0)" in kind
 
 
-def test_extrapolated_shares_and_far_levels_are_stated():
+def test_the_text_states_the_extrapolated_share_of_the_rate():
     assert max(rates(outcomes()).extrapolated) < 0.1
     assert "extrapolated" not in str(rates(outcomes()))
     of = rates_of_outcomes(SITE, 3.0 * STRIPES, outcomes(), np.arange(44) // 2, 0)
@@ -161,7 +161,7 @@ def test_extrapolated_shares_and_far_levels_are_stated():
     )
 
 
-def test_a_fragility_over_another_unit_is_converted(curves):
+def test_a_fragility_in_another_unit_is_converted(curves):
     of = tpd.annual_rates(curves, SITE)
     unit = float(STATUE.slenderness)
     assert of.stripes == pytest.approx(unit * curves.stripes)
@@ -172,7 +172,7 @@ def test_a_fragility_over_another_unit_is_converted(curves):
     assert repr(of) == str(of)
 
 
-def test_another_intensity_is_rejected(curves):
+def test_a_hazard_of_another_intensity_measure_is_rejected(curves):
     velocity = tpd.Hazard(levels=[0.1, 1.0], rates=[0.1, 0.001], intensity="pgv")
     with pytest.raises(ValueError, match="must have the same `intensity`, but they have PGV in m/s and PGA"):
         tpd.annual_rates(curves, velocity)

@@ -35,7 +35,7 @@ def test_an_attractor_prints_on_one_line(without):
     assert str(rocking).startswith(f"rocking: {100.0 * rocking.share:.1f} % of the starts, {kind}")
 
 
-def test_an_attractor_is_the_steady_state_of_its_starts(without):
+def test_an_attractor_is_the_steady_state_of_its_initial_states(without):
     states = Starts().states(BARE_BLOCK.nu)
     for found in without:
         for i in found.starts[:3]:
@@ -46,7 +46,7 @@ def test_an_attractor_is_the_steady_state_of_its_starts(without):
     assert (rocking.symmetric, rocking.periods) == (True, 1)
 
 
-def test_mirror_images_are_one_motion_and_periods_are_distinguished():
+def test_mirror_images_count_as_one_attractor():
     # Period three, which lives beside others.
     found = attractors(parameters((0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)))
     assert any(a.periods == 3 for a in found)
@@ -78,5 +78,5 @@ def test_chaos_is_distinguished_from_slow_decay():
         ((0.2, 0.5), True, False),
     ],
 )
-def test_two_motions_agree_in_the_tilt_and_in_a_swing_that_the_block_feels(other, felt, agrees):
+def test_two_motions_are_equal_if_tilt_and_coupled_swing_agree(other, felt, agrees):
     assert _agree(np.array([0.1, 0.5]), np.array(other), 1e-3, felt) is agrees

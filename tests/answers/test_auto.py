@@ -27,7 +27,7 @@ def chosen(x, tolerance=0.05):
     return steady_state(parameters(x), model=Auto(tolerance=tolerance))
 
 
-def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
+def test_auto_uses_the_closed_form_if_the_block_never_lifts():
     found = chosen(LOW)
     assert found.model == "uplift"
     assert status_name(found.status) == "rest"
@@ -38,7 +38,7 @@ def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
     assert "of the moment that would lift the block remains in reserve" in found.reason
 
 
-def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
+def test_an_initial_swing_reduces_the_uplift_margin():
     reserves = []
     for swing in (0.0, 0.01, 0.02):
         found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
@@ -49,7 +49,7 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
-def test_an_answer_prints_its_sizes_its_model_and_the_reason():
+def test_a_result_of_auto_prints_its_model_and_the_reason():
     found = chosen(WITH[3].x, 0.5)
     lines = str(found).splitlines()
     assert lines[0] == "rocking: The block settles into periodic rocking."
@@ -63,7 +63,7 @@ def test_an_answer_prints_its_sizes_its_model_and_the_reason():
 
 
 @pytest.mark.parametrize("x", [SMALL, LIFTS, WITH[3].x], ids=["small", "lifts", "hung"])
-def test_a_tighter_tolerance_takes_the_nonlinear_model_and_the_estimate_covers_the_error(x):
+def test_a_tight_tolerance_selects_the_nonlinear_model(x):
     found, top = chosen(x, 0.5), chosen(x, 1e-5)
     assert (found.model, top.model) == ("exact", "nonlinear")
     assert abs(float(found.amplitude) / float(top.amplitude) - 1.0) <= float(found.estimate) <= 0.5
@@ -78,7 +78,7 @@ def test_a_tighter_tolerance_takes_the_nonlinear_model_and_the_estimate_covers_t
         assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
 
 
-def test_a_linear_answer_that_is_none_is_not_trusted():
+def test_auto_does_not_trust_a_linear_model_without_a_result():
     x = (0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67)
     assert linear(x).status == "overturned"
     found = chosen(x)
@@ -86,7 +86,7 @@ def test_a_linear_answer_that_is_none_is_not_trusted():
     assert "with the linear equations the outcome is overturned" in found.reason
 
 
-def test_the_nonlinear_equations_decide_which_motion_a_start_reaches():
+def test_the_nonlinear_model_decides_which_attractor_is_reached():
     p = parameters((0.3482, 0.2248, 0.6407, 0.4573, 0.0525, 0.3503, 4.9036))
     y0 = jnp.array([-0.1314, -0.0447, 0.0, 0.0])
     by_linear = steady_state(p, y0=y0)
@@ -114,7 +114,7 @@ def test_the_default_tolerance_is_five_per_cent():
     assert Auto().tolerance == 0.05
 
 
-def test_auto_needs_numbers():
+def test_auto_rejects_traced_parameters():
     with pytest.raises(ValueError, match=r"`Auto` chooses by numbers: .* but is traced or batched"):
         jax.jit(lambda x: steady_state(parameters(x), model=Auto()).amplitude)(np.array(SMALL))
     for wrong in (1.5, 0):
@@ -123,7 +123,7 @@ def test_auto_needs_numbers():
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.1])
-def test_an_undamped_bob_keeps_its_own_swing_under_a_block_that_never_lifts(mu):
+def test_an_undamped_bob_keeps_its_free_swing_if_the_block_never_lifts(mu):
     p = Parameters(nu=0.25, mu=mu, lam=0.5, zeta=0.0, k=0.05, f=0.02, xi=2.0)
     found = steady_state(p, model=Auto())
     assert (found.model, status_name(found.status)) == ("uplift", "rest")

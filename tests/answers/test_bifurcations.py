@@ -61,7 +61,7 @@ def at(kind: Kind, values: Any) -> Sweep:
 
 
 @pytest.mark.parametrize("kind", [case[0] for case in LOST])
-def test_a_point_is_exact_and_its_orbit_is_the_last_of_those_beside_it(kind):
+def test_a_bifurcation_is_located_to_rounding_at_the_end_of_its_branch(kind):
     b = lost(kind)
     assert b.error < 1e-14
     near = at(kind, b.value * (1.0 + 1e-3 * np.array([-1.0, 1.0])))
@@ -82,7 +82,7 @@ def test_a_point_is_exact_and_its_orbit_is_the_last_of_those_beside_it(kind):
 
 
 @pytest.mark.parametrize("case", LOST, ids=[case[0].value for case in LOST])
-def test_slopes_are_those_of_differences(case):
+def test_derivatives_of_a_bifurcation_equal_finite_differences(case):
     kind, x, name, _, _ = case
     b = lost(kind)
 
@@ -106,7 +106,7 @@ def test_slopes_are_those_of_differences(case):
         assert b.slopes[n] == pytest.approx(expected, rel=error, abs=1e-6 * scale), n
 
 
-def test_a_stated_inertia_has_its_own_slope():
+def test_a_stated_inertia_has_a_separate_derivative():
     x, b = np.array(HELD), lost(Kind.sticking)
     rho = 0.75 / (1.0 + x[0] ** 2)
     (free,) = bifurcations(parameters([*x, rho]), "f", 0.3, 0.4, samples=20)
@@ -124,7 +124,7 @@ def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, f
 
 
 @pytest.mark.parametrize(("x", "name", "low", "high"), random_ranges(3, 3))
-def test_between_two_points_no_orbit_comes_or_goes(x, name, low, high):
+def test_the_number_of_orbits_is_constant_between_bifurcations(x, name, low, high):
     """A fine sweep shows one number of orbits, and of those with det(I + G) < 0, from point to point."""
     found = bifurcations(parameters(x), name, low, high)
     assert not [b for b in found if b.reason or b.error > 1e-12 * abs(b.value) + 1e-15]
@@ -146,7 +146,7 @@ def test_an_end_without_a_cause_is_reported_as_unresolved(monkeypatch):
     assert abs(found.value - b.value) <= found.error < 1e-7
 
 
-def test_a_point_that_the_orbits_beside_it_do_not_show_is_not_confirmed(monkeypatch):
+def test_a_bifurcation_that_neighbouring_orbits_contradict_is_not_confirmed(monkeypatch):
     located = module._located
 
     def astray(search: Any, gap: Any, kind: Kind) -> Bifurcation | None:
@@ -159,7 +159,7 @@ def test_a_point_that_the_orbits_beside_it_do_not_show_is_not_confirmed(monkeypa
     assert "do not show it" in found.reason
 
 
-def test_a_sweep_joins_what_continues():
+def test_a_sweep_joins_orbits_of_a_continuous_branch():
     s = sweep(parameters(WITHOUT), "xi", np.linspace(0.8, 3.0, 221))
     # The largest goes on where it loses its symmetry; the repelling one begins by sticking.
     assert s.branches == 2
@@ -182,18 +182,18 @@ def test_a_sweep_joins_what_continues():
         ("f", 0.2, 7, "`samples` must be between 8 and"),
     ],
 )
-def test_a_search_refuses_bad_input(name, high, samples, match):
+def test_invalid_ranges_are_rejected(name, high, samples, match):
     with pytest.raises(ValueError, match=match):
         bifurcations(parameters(WITHOUT), name, 0.15, high, samples=samples)
 
 
-def test_batched_parameters_are_refused():
+def test_batched_parameters_are_rejected():
     p = Parameters(**{n: jnp.full(3, v) for n, v in zip(NAMES, WITHOUT, strict=False)})
     with pytest.raises(ValueError, match="`nu` must be a single number"):
         bifurcations(p, "f", 0.1, 0.2)
 
 
-def test_without_friction_an_orbit_ends_where_it_has_one_more_impact():
+def test_without_friction_an_orbit_ends_at_a_grazing_impact():
     x = (0.1343, 0.0, 1.4612, 0.4698, 0.0, 0.1642, 1.8812, 0.4278)
     (b,) = bifurcations(parameters(x), "f", 0.15, 0.2)
     assert (b.kind, b.below, b.above) == (Kind.grazing, "unstable", "no_orbit")

@@ -54,7 +54,7 @@ def test_a_violated_assumption_is_reported():
     assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
 
 
-def test_the_model_of_one_harmonic_has_its_balance_or_no_orbit():
+def test_the_one_harmonic_model_has_the_harmonic_balance_or_no_orbit():
     p = tpd.Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.4, xi=3.0)
     for f in (0.4, 0.01):
         found = check(dataclasses.replace(p, f=f), models=("one harmonic",)).models[0]
@@ -63,7 +63,7 @@ def test_the_model_of_one_harmonic_has_its_balance_or_no_orbit():
         np.testing.assert_array_equal(found.amplitude, balance.amplitude[0] if balance.exists[0] else np.nan)
 
 
-def test_models_without_impact_loss_do_not_answer_for_a_block_with_impact_loss():
+def test_models_without_impact_loss_have_no_result_for_a_block_with_impact_loss():
     scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().excitation)
     found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
     none = [r for r in found.models if r.status == "no impacts"]
@@ -88,13 +88,13 @@ def test_models_without_impact_loss_do_not_answer_for_a_block_with_impact_loss()
         ((np.inf, np.inf, "overturned"), "the motion ends overturned"),
     ],
 )
-def test_objections(motion, objection):
+def test_each_violated_assumption_gives_one_objection(motion, objection):
     found = objections(*motion, 0.5, 0.08)
     assert len(found) == bool(objection)
     assert objection in "".join(found)
 
 
-def test_bad_input_is_refused():
+def test_invalid_models_and_swing_limits_are_rejected():
     with pytest.raises(ValueError, match="`swing_limit` must be positive and finite, but is 0"):
         check(paper_scene(), None, swing_limit=0.0)
     for wrong in (np.array([0.1, 0.2]), np.zeros(0)):

@@ -34,7 +34,7 @@ def falls(scene: tpd.Scene, pendulum: tpd.Pendulum, factor: float) -> bool:
 
 
 @pytest.mark.parametrize(("damping", "cycles", "most"), [(0.02, 10, 0.34), (0.01, 30, 0.17)])
-def test_a_bob_in_resonance_throws_its_block_over_below_half_of_what_lifts_it(damping, cycles, most):
+def test_a_resonant_bob_overturns_its_block_below_half_the_uplift_scale(damping, cycles, most):
     scene, pendulum = resonant(damping, cycles)
     found = tpd.critical_scale(scene, pendulum, scan=0.05)
     scale = float(found.scale)
@@ -49,7 +49,7 @@ def test_without_free_motion_a_block_overturns_at_a_larger_factor():
     assert float(tpd.critical_scale(SINE, free=0.0).scale) >= CROSSING * (1.0 - 1e-9)
 
 
-def test_the_derivative_of_a_crossing_in_resonance_is_that_of_differences():
+def test_the_derivative_of_a_resonant_critical_scale_equals_differences():
     scene, pendulum = resonant(0.02, 10)
 
     def scale(x):
@@ -63,7 +63,7 @@ def test_the_derivative_of_a_crossing_in_resonance_is_that_of_differences():
 
 
 @pytest.mark.parametrize("highest", [2.6, 5.0, 14.9])
-def test_a_tongue_ends_with_the_scan(highest):
+def test_a_tongue_ends_at_the_highest_scale_of_the_scan(highest):
     found = tpd.critical_scale(SINE, scan=0.1, highest=highest)
     assert float(found.scale) == pytest.approx(CROSSING, rel=1e-9)
     assert np.nanmax(found.tongues) <= highest
@@ -73,7 +73,7 @@ def test_a_tongue_ends_with_the_scan(highest):
     assert np.isnan(below.tongues).all()
 
 
-def test_a_scan_that_ends_below_what_lifts_the_block_overturns_nothing():
+def test_a_scan_below_uplift_has_no_critical_scale():
     # With a step of 50 % the first factor after half of what lifts the block is 0.75 of it.
     for scene, pendulum in ((SINE, None), resonant(0.01, 30)):
         found = tpd.critical_scale(scene, pendulum, scan=0.5, highest=0.06)
@@ -87,7 +87,7 @@ def test_a_scan_that_ends_below_what_lifts_the_block_overturns_nothing():
     assert np.nanmax(found.tongues) == pytest.approx(0.2)
 
 
-def test_a_motion_of_zeros_is_refused_in_one_sentence():
+def test_a_record_of_zeros_cannot_be_scaled():
     still, moving = tpd.Record(np.zeros(50), 0.02, name="quiet"), tpd.Record(np.sin(np.arange(50.0)), 0.02)
     with pytest.raises(ValueError, match=r"motion of zeros cannot be scaled to any intensity.*quiet"):
         tpd.critical_scale(tpd.Scene(COLUMN, still))
@@ -108,7 +108,7 @@ def lossy(e) -> tpd.Scene:
     return tpd.Scene(replace(COLUMN, restitution=e), SINE.excitation)
 
 
-def test_a_run_without_an_answer_below_the_crossing_refuses_the_scale(monkeypatch):
+def test_a_run_without_a_result_below_the_crossing_makes_the_scale_unknown(monkeypatch):
     unanswered(monkeypatch, between(1.3, 1.4))
     found = tpd.critical_scale(SINE, scan=0.02)
     assert np.isnan(float(found.scale))
@@ -123,14 +123,14 @@ def test_a_run_without_an_answer_below_the_crossing_refuses_the_scale(monkeypatc
     assert np.isnan(jax.grad(lambda e: tpd.critical_scale(lossy(e), scan=0.02).scale)(0.95))
 
 
-def test_a_run_without_an_answer_is_no_safe_block(monkeypatch):
+def test_a_run_without_a_result_does_not_count_as_safe(monkeypatch):
     unanswered(monkeypatch, between(1.3, 1.32))
     found = tpd.critical_scale(SINE, scan=0.01, highest=2.0)
     assert np.isnan(float(found.scale))
     assert "no factor with a result overturns the block; no result at" in str(found)
 
 
-def test_a_run_without_an_answer_above_the_crossing_is_named(monkeypatch):
+def test_a_run_without_a_result_above_the_crossing_is_reported(monkeypatch):
     known = tpd.critical_scale(SINE, scan=0.02)
     inside = 0.5 * float(known.tongues[0].sum())
     unanswered(monkeypatch, between(0.98 * inside, 1.02 * inside))
@@ -145,7 +145,7 @@ def test_a_run_without_an_answer_above_the_crossing_is_named(monkeypatch):
     assert float(found.tongues[1, 0]) == high
 
 
-def test_runs_without_an_answer_beside_a_crossing_leave_it_open(monkeypatch):
+def test_runs_without_a_result_at_the_crossing_make_the_scale_unknown(monkeypatch):
     # Within one step of the scan: only the bisection meets them.
     rows = unanswered(monkeypatch, between(CROSSING * (1.0 - 1e-4), CROSSING * (1.0 + 1e-4)))
     found = tpd.critical_scale(SINE, scan=0.03)
@@ -157,7 +157,7 @@ def test_runs_without_an_answer_beside_a_crossing_leave_it_open(monkeypatch):
     assert sum(map(len, rows)) < 3000
 
 
-def test_a_gap_of_rounding_beside_a_crossing_is_the_crossing(monkeypatch):
+def test_a_gap_of_rounding_size_at_the_crossing_is_ignored(monkeypatch):
     known = float(tpd.critical_scale(SINE, scan=0.02).scale)
     unanswered(monkeypatch, between(known * (1.0 - 1e-12), known * (1.0 + 1e-12)))
     found = tpd.critical_scale(SINE, scan=0.02)
@@ -165,7 +165,7 @@ def test_a_gap_of_rounding_beside_a_crossing_is_the_crossing(monkeypatch):
     assert np.isnan(found.undecided).all()
 
 
-def test_a_motion_without_any_answer_ends_soon_with_a_status(monkeypatch):
+def test_a_scan_without_any_result_ends_early(monkeypatch):
     rows = unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
     found = tpd.critical_scale(SINE, scan=0.05)
     assert np.isnan(float(found.scale))
@@ -173,7 +173,7 @@ def test_a_motion_without_any_answer_ends_soon_with_a_status(monkeypatch):
     assert sum(map(len, rows)) < 1000
 
 
-def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
+def test_derivatives_in_the_shape_of_a_pulse_equal_finite_differences():
     def scale(cycles, phase, width):
         shape = {"cycles": cycles, "phase": phase, "velocity": 0.5, "frequency": 1.0}
         scene = tpd.Scene(replace(COLUMN, width=width), tpd.Pulse.mavroeidis_papageorgiou(**shape))
@@ -188,7 +188,7 @@ def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
         assert forward[j] == pytest.approx(quotient, rel=1e-6)
 
 
-def test_the_samples_of_a_record_have_the_derivatives_of_differences():
+def test_derivatives_in_the_samples_of_a_record_equal_finite_differences():
     rng = np.random.default_rng(4)
     samples = np.append(0.0, np.sin(np.linspace(0.1, 12.0, 59)) * (1.0 + 0.2 * rng.standard_normal(59)))
 

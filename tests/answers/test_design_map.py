@@ -46,7 +46,7 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     return "not_known", math.nan, math.nan
 
 
-def test_columns_have_a_row_for_each_design():
+def test_the_columns_of_a_map_have_a_row_for_each_cell():
     found = over_motion()
     columns = found.columns()
     assert list(columns)[:4] == ["frequency", "amplitude", "status", "amplitude_rad"]
@@ -55,7 +55,7 @@ def test_columns_have_a_row_for_each_design():
     np.testing.assert_array_equal(columns["amplitude_rad"], found.amplitude.ravel())
 
 
-def test_names_are_those_of_the_commands():
+def test_axes_accept_the_option_names_of_the_commands():
     x, y = [0.02, 0.1], [0.05, 0.1]
     for names, their in (
         (("mu", "pendulum_length"), ("mass-ratio", "pendulum-length")),
@@ -70,7 +70,7 @@ def test_names_are_those_of_the_commands():
         design_map(SCENE, ("pendulum-lenght", y), ("mu", x), pendulum=PENDULUM)
 
 
-def test_cells_are_the_orbits_of_their_designs():
+def test_each_cell_equals_the_symmetric_orbit_of_its_design():
     x, y = ("mu", np.linspace(0.02, 0.2, 5)), ("lam", np.linspace(0.12, 1.0, 4))
     m, p = design_map(SCENE, x, y, pendulum=PENDULUM), SCENE.parameters(PENDULUM)
     assert m.amplitude.shape == m.swing.shape == m.status.shape == m.margin.shape == (4, 5)
@@ -86,7 +86,7 @@ def test_cells_are_the_orbits_of_their_designs():
     assert sum(m.counts.values()) == 20
 
 
-def test_in_si_units_cells_are_scenes():
+def test_a_map_in_si_units_equals_the_orbits_of_its_scenes():
     m = over_motion()
     assert set(m.counts) == {"rocking", "rest", "unstable"}
     for i, j in np.ndindex(3, 6):
@@ -109,7 +109,7 @@ def test_a_map_prints_its_axes_statuses_and_ranges():
     assert m._repr_html_().startswith("<pre>Design map\n")
 
 
-def test_a_parameter_and_a_quantity_that_leaves_it_alone_go_together():
+def test_a_ratio_and_an_independent_quantity_can_be_axes_of_one_map():
     mass = np.array([0.05, 0.1])
     m, same = (
         design_map(SCENE, axis, ("frequency", [2.5, 3.0]), pendulum=PENDULUM)
@@ -118,7 +118,7 @@ def test_a_parameter_and_a_quantity_that_leaves_it_alone_go_together():
     np.testing.assert_allclose(m.amplitude, same.amplitude, rtol=1e-12)
 
 
-def test_from_a_start_cells_are_what_is_settled_into():
+def test_a_map_with_an_initial_state_equals_the_steady_states():
     axes = ("frequency", np.array([2.0, 2.2, 2.4, 3.3, 4.0])), ("pendulum_length", [0.03, 0.05, 0.2])
     m = design_map(SCENE, *axes, pendulum=PENDULUM, start=np.zeros(4))
     assert {"rocking", "rest", "overturned"} <= set(m.counts)
@@ -161,19 +161,19 @@ def test_progress_is_reported_up_to_the_last_cell():
         (SCENE, ("width", [0.3, 0.41]), ("height", [0.8, 1.0]), r"`nu` must be between .* but is 0\.5125"),
     ],
 )
-def test_bad_axes_are_refused(subject, x, y, match):
+def test_invalid_axes_are_rejected(subject, x, y, match):
     with pytest.raises(ValueError, match=match):
         design_map(subject, x, y)
 
 
-def test_a_grid_may_use_up_what_the_other_axis_allows():
+def test_an_axis_can_have_values_that_only_the_other_axis_allows():
     # No width here goes with the scene's own height of 0.4 m.
     m = design_map(SCENE, ("width", [0.3, 0.4]), ("height", [0.8, 1.0]))
     scene = replace(SCENE, block=replace(SCENE.block, width=0.4, height=0.8))
     assert m.margin[0, 1] == pytest.approx(float(uplift(scene.parameters()).margin), rel=1e-12)
 
 
-def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
+def test_a_map_plot_colours_rocking_cells_and_hatches_other_cells():
     m = over_motion()
     ax = tpd.plot(m)
     assert ax.get_xlabel() == "frequency of the base motion (Hz)"

@@ -34,14 +34,14 @@ def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
     ("equations", "amplitude", "rtol"),
     [("linear", CASES[3].amplitude, 1e-5), ("nonlinear", 0.0659875, 1.5e-5)],
 )
-def test_without_any_spread_every_run_is_what_is_settled_into_from_rest(equations, amplitude, rtol):
+def test_without_scatter_every_run_reaches_the_steady_state_from_rest(equations, amplitude, rtol):
     found = outcomes(WITH, ensemble=dataclasses.replace(STILL, periods=200), equations=equations)
     assert set(names_of(found.outcome)) == {"rocking"}
     np.testing.assert_allclose(found.settled_tilt, amplitude, rtol=rtol)
     assert np.all(found.tilt >= found.settled_tilt)
 
 
-def test_a_restitution_scatters_without_a_change_of_the_other_draws():
+def test_scatter_of_restitution_does_not_change_other_samples():
     lossy = dataclasses.replace(WITH, e=0.9)
     without, scattered = (plan(lossy, tpd.Ensemble(size=96, restitution=w)) for w in (0.0, 0.05))
     np.testing.assert_array_equal(without.y0, scattered.y0)
@@ -54,7 +54,7 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
         outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
 
 
-def test_housners_restitution_scatters_as_it_was_measured_on_limestone():
+def test_housners_restitution_has_the_scatter_measured_on_limestone():
     p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.0, f=0.5, xi=3.5, e=None)
     q = plan(p, tpd.Ensemble(size=2000)).p
     # Each run has Housner's e of its own block and bob.
@@ -74,7 +74,7 @@ def test_housners_restitution_scatters_as_it_was_measured_on_limestone():
     assert np.mean(np.asarray(slender.e) == 0.999) == pytest.approx(0.2, abs=0.1)
 
 
-def test_a_stated_half_width_is_one_around_housners_restitution():
+def test_a_stated_half_width_is_centred_at_housners_restitution():
     p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.0, f=0.5, xi=3.5, e=None)
     for width in (0.0, 0.05):
         q = plan(p, tpd.Ensemble(size=500, restitution=width)).p
@@ -83,7 +83,7 @@ def test_a_stated_half_width_is_one_around_housners_restitution():
         assert np.mean(apart) == pytest.approx(0.0, abs=1e-4)
 
 
-def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a_number():
+def test_block_and_pendulum_scatter_by_default():
     e = tpd.Ensemble(size=256, tilt=0.2, disturbed=0.5)
     runs, lossy = plan(WITH, e), plan(dataclasses.replace(WITH, e=0.9), e)
     spread = (("nu", 0.02), ("mu", 0.02), ("lam", 0.02), ("zeta", 0.2), ("k", 0.2), ("xi", e.frequency))
@@ -106,7 +106,7 @@ def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a
     np.testing.assert_allclose(found.lam, plan(WITH, dataclasses.replace(e, size=4)).p.lam)
 
 
-def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code():
+def test_the_share_overturned_by_growing_excitation_equals_an_independent_code():
     """Source: closed forms over steps of 0.02 and of 0.01 for 100 periods (commit 42b9f9c)."""
     scene = tpd.paper_scene()
     runs = plan(scene.parameters(), tpd.Ensemble(size=256, seed=5, disturbed=1.0, slenderness=0.0))
@@ -118,7 +118,7 @@ def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(
     assert abs(np.sum(code_of(found.status) == code_of(Status.overturned)) - 135) <= 1
 
 
-def test_nothing_is_called_rest_while_the_shaking_grows():
+def test_no_run_is_called_rest_while_the_excitation_grows():
     p = dataclasses.replace(WITH, f=0.3)
     assert names_of(followed(p, np.zeros(4), periods=1).status)[0] == "rest"
     slow = followed(p, np.zeros(4), ramp=10.0, periods=100)
@@ -126,7 +126,7 @@ def test_nothing_is_called_rest_while_the_shaking_grows():
     assert slow.elapsed[0] >= 10
 
 
-def test_three_quarters_of_the_runs_begin_at_rest_and_every_kind_of_start_has_both_growths():
+def test_three_quarters_of_the_runs_begin_at_rest_with_either_growth():
     e = tpd.Ensemble(size=400, seed=3)
     runs = plan(WITH, e)
     moves = np.any(runs.y0 != 0.0, axis=1)
@@ -141,7 +141,7 @@ def test_three_quarters_of_the_runs_begin_at_rest_and_every_kind_of_start_has_bo
     assert not plan(WITH, STILL).disturbed.any()
 
 
-def test_shares_are_stated_for_every_kind_of_start():
+def test_shares_are_stated_for_every_kind_of_initial_state():
     found = outcomes(WITH, ensemble=tpd.Ensemble(size=64, periods=20))
     kinds = "from rest, sudden start", "from rest, growth over 10 periods", "after a disturbance"
     assert tuple(found.starts) == kinds
@@ -150,7 +150,7 @@ def test_shares_are_stated_for_every_kind_of_start():
     assert [name.strip() for name, _ in found.rows()][1:4] == list(kinds)
 
 
-def test_quantiles_count_the_overturned_as_infinite():
+def test_quantiles_count_overturned_runs_as_infinite():
     lost = np.arange(100) < 5
     found = by_hand(np.where(lost, np.inf, 0.4))
     assert found.quantiles("tilt", (0.0, 0.5, 0.95, 0.96)) == pytest.approx((0.1, 0.1, 0.1, np.inf))
@@ -158,13 +158,13 @@ def test_quantiles_count_the_overturned_as_infinite():
         found.quantiles("tilt", (95.0,))
 
 
-def test_conditions_are_dealt_out_evenly():
+def test_each_condition_has_the_same_number_of_runs():
     conditions = tpd.Conditions.amplitudes(0.5, 1.0)
     runs = plan(WITH, dataclasses.replace(STILL, size=64), conditions)
     assert sorted(np.round(np.asarray(runs.p.f), 12)) == [0.25] * 32 + [0.5] * 32
 
 
-def test_bad_subjects_are_refused():
+def test_invalid_subjects_are_rejected():
     with pytest.raises(ValueError, match="`pendulum` is allowed only with a scene"):
         outcomes(WITH, tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1))
     with pytest.raises(ValueError, match="`f` must be a single number, but is"):
@@ -202,7 +202,7 @@ def settled(mass, length, equations):
 @pytest.mark.parametrize(
     ("equations", "tolerance", "least"), [("linear", 0.006, 0.5), ("nonlinear", 0.0025, 0.75)]
 )
-def test_table_1_of_the_paper(equations, tolerance, least):
+def test_runs_of_table_1_of_the_paper_have_its_outcomes(equations, tolerance, least):
     def tilts(mass, *lengths):
         return np.concatenate([x for length in lengths for x in settled(mass, length, equations)])
 

@@ -56,7 +56,7 @@ def followed(request):
     return scene(i), fold_curve(scene(i), x, y, **ranges)
 
 
-def test_every_point_satisfies_the_equations_of_the_fold(followed):
+def test_every_point_of_a_fold_curve_satisfies_the_fold_equations(followed):
     p, curve = followed
     assert len(curve.points) > 20
     for place, crossing, phase in zip(curve.points, curve.crossing, curve.phase, strict=True):
@@ -67,7 +67,7 @@ def test_every_point_satisfies_the_equations_of_the_fold(followed):
     assert np.all((curve.phase > -np.pi) & (curve.phase <= np.pi))
 
 
-def test_the_orbits_exist_on_one_side_only(followed):
+def test_orbits_exist_on_one_side_of_the_fold_curve_only(followed):
     p, curve = followed
     size = np.ptp(curve.points, axis=0)
     for i in range(2, len(curve.points) - 2, max(len(curve.points) // 8, 1)):
@@ -77,7 +77,7 @@ def test_the_orbits_exist_on_one_side_only(followed):
         assert not has_orbit(at(p, curve, curve.points[i] + step))
 
 
-def test_points_lie_on_the_curve_of_which_the_tangents_and_gradients_are_derivatives(followed):
+def test_tangents_and_gradients_are_derivatives_of_the_fold_curve(followed):
     _, curve = followed
     steps = curve.points[2:] - curve.points[:-2]
     scale = np.abs(curve.tangents).max(axis=0)
@@ -92,7 +92,7 @@ def test_points_lie_on_the_curve_of_which_the_tangents_and_gradients_are_derivat
 
 
 @pytest.mark.parametrize("i", range(3))
-def test_the_curve_passes_through_the_bisected_fold(i):
+def test_the_fold_curve_passes_through_the_fold_from_bisection(i):
     p, exact = scene(i), FOLDS[i][2]
     curve = fold_curve(p, "xi", "f", x_range=(1.5, 5.0))
     order = np.argsort(curve.points[:, 0])
@@ -112,7 +112,7 @@ def test_the_curve_passes_through_the_bisected_fold(i):
 
 
 @pytest.mark.parametrize("i", range(3))
-def test_slopes_are_the_derivatives_of_the_smallest_forcing(i):
+def test_slopes_equal_the_derivatives_of_the_forcing_at_the_fold(i):
     p = dataclasses.replace(scene(i), rho=0.72)
     curve = fold_curve(p, "xi", "f", x_range=(1.5, 5.0))
     middle = len(curve.points) // 2
@@ -126,7 +126,7 @@ def test_slopes_are_the_derivatives_of_the_smallest_forcing(i):
     assert curve.gradients[middle] == pytest.approx([slopes["xi"], -1.0], rel=1e-12)
 
 
-def test_a_curve_over_the_height_of_the_hinge_has_the_folds_of_each_height():
+def test_a_fold_curve_over_the_hinge_height_has_the_fold_of_each_height():
     p = scene(2)
     curve = fold_curve(p, "kappa", "f")
     for i in (1, len(curve.points) // 2, -2):
@@ -139,7 +139,7 @@ def test_a_curve_over_the_height_of_the_hinge_has_the_folds_of_each_height():
         assert curve.tangents[i, 1] / curve.tangents[i, 0] == pytest.approx(slope, rel=1e-7)
 
 
-def test_a_curve_of_quantities_has_the_folds_of_its_parameters():
+def test_a_fold_curve_in_si_units_has_the_folds_of_its_parameters():
     pendulum = Pendulum(mass=100.0, length=1.2, damping_ratio=0.1)
     curve = fold_curve(
         CHIMNEY, "frequency", "amplitude", x_range=(0.8, 3.0), y_range=(0.001, 0.1), pendulum=pendulum
@@ -157,7 +157,7 @@ def test_a_curve_of_quantities_has_the_folds_of_its_parameters():
     assert "Hz" in str(curve)
 
 
-def test_the_curve_turns_back_in_a_parameter():
+def test_a_fold_curve_can_turn_back_in_a_parameter():
     curve = fold_curve(scene(1), "xi", "f")
     signs = np.sign(curve.tangents)
     assert np.all(signs[:, 0] == signs[0, 0])
@@ -170,7 +170,7 @@ def test_the_curve_turns_back_in_a_parameter():
     np.testing.assert_allclose(ends, (0.5, 10.0), rtol=1e-10)
 
 
-def test_a_cusp_ends_the_curve_where_the_fold_vanishes():
+def test_a_fold_curve_ends_at_a_cusp():
     curve = fold_curve(CUSP, "k", "f")
     assert curve.statuses == (End.bound, End.cusp)
     k, f = curve.points[-1]
@@ -181,7 +181,7 @@ def test_a_cusp_ends_the_curve_where_the_fold_vanishes():
     assert counts == [1, 0]
 
 
-def test_a_curve_ends_where_the_path_of_its_orbit_is_no_motion():
+def test_a_fold_curve_ends_if_its_orbit_is_no_valid_motion():
     curve = fold_curve(scene(0), "k", "f")
     assert curve.statuses == (End.bound, End.no_orbit)
     k, f = curve.points[-1]
@@ -204,7 +204,7 @@ class Circle(module._Folds):
         return None
 
 
-def test_a_closed_curve_returns_to_its_beginning():
+def test_a_closed_fold_curve_returns_to_its_first_point():
     circle: Any = Circle(Setup({}, False, False), (), np.zeros(2), np.ones(2), np.ones(4))
     here = np.array([0.0, 0.0, 0.0, 0.2]), np.array([0.0, 0.0, 1.0, 0.0]), np.zeros(2)
     start = module._Point(*here, bend=0.0, amplitude=0.1, gradient=np.zeros(2), slopes=np.zeros(9))
@@ -217,27 +217,27 @@ def test_a_closed_curve_returns_to_its_beginning():
     assert angles[-1] == pytest.approx(2 * np.pi)
 
 
-def test_a_hairpin_is_not_closed_where_it_passes_its_beginning():
+def test_a_fold_curve_that_passes_near_its_first_point_is_not_closed():
     p = Parameters(
         nu=0.2345, mu=0.1095, lam=0.0869, zeta=0.1998, k=0.079, f=0.14, xi=3.7624, rho=0.405, e=0.732
     )
     assert End.closed not in fold_curve(p, "lam", "rho").statuses
 
 
-def test_the_number_of_points_is_bounded():
+def test_a_fold_curve_stops_at_the_largest_number_of_points():
     curve = fold_curve(scene(1), "xi", "f", most=15)
     assert End.most_points in curve.statuses
     assert len(curve.points) <= 29
 
 
-def test_without_a_fold_the_curve_is_empty():
+def test_a_range_without_a_fold_has_an_empty_curve():
     curve = fold_curve(scene(0), "k", "f", x_range=(0.01, 0.02), y_range=(0.5, 0.9))
     assert curve.points.shape == curve.tangents.shape == curve.gradients.shape == (0, 2)
     assert curve.statuses == (End.no_fold, End.no_fold)
     assert str(curve) == "Curve of folds in k and f: no fold"
 
 
-def test_wrong_inputs_are_one_sentence():
+def test_invalid_arguments_are_rejected_in_one_sentence():
     for arguments, options, message in (
         (("mu", "mu"), {}, "`x` and `y` must differ, but both are 'mu'"),
         (("mu", "kind"), {}, "`y` must be one of nu, mu, lam"),

@@ -37,7 +37,7 @@ def found() -> Fragility:
     return tpd.fragility(STATUE, RECORDS, scales=[0.8, 1.5, 3.0, 6.0, 12.0], pendulum=PENDULUM)
 
 
-def test_shares_are_counts_of_single_motions(found):
+def test_shares_of_a_fragility_count_single_runs(found):
     unit = GRAVITY * float(STATUE.slenderness)
     for i, stripe in enumerate(found.stripes):
         scenes = [tpd.Scene(STATUE, record.scaled_to(pga=stripe * unit)) for record in RECORDS]
@@ -52,7 +52,7 @@ def test_shares_are_counts_of_single_motions(found):
     )
 
 
-def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found):
+def test_no_block_rocks_below_the_uplift_threshold(found):
     assert found.without_pendulum["rocking"].counts.tolist() == [0, 12, 12, 12, 12]
     assert found.first_crossings["rocking"] == (1.5, pytest.approx(1.5, abs=0.71))
     assert 0.8 < found.without_pendulum["rocking"].fit.median < 1.5
@@ -61,7 +61,7 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
     assert "fewer than 5 earthquakes" not in str(found)
 
 
-def test_the_text_is_a_table_and_a_sentence_on_the_medians(found):
+def test_a_fragility_prints_a_table_and_compares_the_medians(found):
     head, titles, *rows = str(found).splitlines()
     assert "12 motions of 12 earthquakes" in head
     assert titles.split() == ["state", "case", "median", "dispersion"]
@@ -113,7 +113,7 @@ def taken(monkeypatch, with_it: bool, fewest: float) -> None:
     )
 
 
-def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
+def test_records_without_a_result_are_counted_and_listed(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM)
     assert "and not counted: 0 of 60 runs without pendulum, 12 of 60 runs with pendulum" in str(lost)
@@ -134,7 +134,7 @@ def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
     assert np.isfinite(lost.changed).all()
 
 
-def test_a_first_crossing_that_depends_on_motions_without_an_answer_is_unknown(monkeypatch, found):
+def test_a_first_crossing_that_depends_on_runs_without_a_result_is_unknown(monkeypatch, found):
     unit = float(STATUE.slenderness)
     unanswered(monkeypatch, lambda rows: np.isclose(rows[:, F], 1.5 * unit) & (rows[:, MU] == 0.0))
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM, nonlinear=False)
@@ -142,7 +142,7 @@ def test_a_first_crossing_that_depends_on_motions_without_an_answer_is_unknown(m
     assert lost.first_crossings["rocking"][1] == found.first_crossings["rocking"][1]
 
 
-def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
+def test_linear_and_nonlinear_outcomes_are_compared_if_both_have_a_result(monkeypatch):
     # No motion of the exact run has an answer, and all overturn by the nonlinear equations.
     taken(monkeypatch, False, 29.0)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
@@ -150,7 +150,7 @@ def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
     assert found.without_pendulum["overturned"].undecided.tolist() == [0, 12]
 
 
-def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
+def test_runs_without_a_nonlinear_result_are_reported(monkeypatch):
     follow = simulate.follow
 
     def stub(equations, rows, *others, **options):
@@ -166,7 +166,7 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
     assert "with these equations, and not compared: 12 of 24 runs without pendulum" in str(found)
 
 
-def test_motions_without_an_answer_are_drawn(monkeypatch, found):
+def test_a_fragility_plot_marks_runs_without_a_result(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM, nonlinear=False)
     drawn = {c.get_label(): c for c in tpd.plot(lost).collections}
@@ -175,7 +175,7 @@ def test_motions_without_an_answer_are_drawn(monkeypatch, found):
     assert not any(label.startswith("without pendulum: ") for label in drawn)
 
 
-def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
+def test_a_fragility_plot_shows_the_bounds_of_separated_outcomes(found):
     # Rocking begins between two stripes.
     ax = tpd.plot(found, "rocking")
     curve = next(line for line in ax.lines if line.get_label() == "without pendulum: median 1.1")
@@ -198,12 +198,12 @@ def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
         ({"states": {"bad": -1.0}}, "`states` must name"),
     ],
 )
-def test_bad_input_is_one_sentence(options, said):
+def test_invalid_input_of_a_fragility_is_rejected_in_one_sentence(options, said):
     with pytest.raises(ValueError, match=said):
         tpd.fragility(STATUE, RECORDS[:1], **{"scales": [1.0, 2.0], **options})
 
 
-def test_copies_of_motions_make_nothing_surer(found):
+def test_copies_of_records_do_not_narrow_the_interval(found):
     twice = tpd.fragility(
         STATUE, [*RECORDS, *RECORDS], scales=found.stripes, pendulum=PENDULUM, nonlinear=False
     )
@@ -221,7 +221,7 @@ def test_copies_of_motions_make_nothing_surer(found):
     assert "24 motions of 12 earthquakes" in str(twice)
 
 
-def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
+def test_a_curve_of_identical_earthquakes_has_no_interval():
     hits = np.tile([0.0, 1.0, 0.0, 1.0], (6, 1))
     found = fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), hits)
     assert found.interval() == (0.0, math.inf)
@@ -268,7 +268,7 @@ SEPARATED = [
 
 
 @pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
-def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(counts, motions, passes):
+def test_the_median_of_separated_outcomes_lies_between_two_stripes(counts, motions, passes):
     stripes = np.arange(1.0, len(counts) + 1.0)
     fit = fit_lognormal(stripes, outcomes(counts, motions))
     assert fit.separated
@@ -291,7 +291,7 @@ def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(count
     np.testing.assert_allclose(fit.probability(stripes), shares[1:-1])
 
 
-def test_one_stripe_sees_no_dispersion():
+def test_a_single_stripe_determines_no_dispersion():
     for count, median in ((3, math.inf), (5, 2.0), (8, 0.0)):
         fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
         assert (fit.separated, fit.median) == (True, median)
@@ -299,7 +299,7 @@ def test_one_stripe_sees_no_dispersion():
         assert "unknown with one stripe" in str(fit)
 
 
-def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_none():
+def test_only_a_share_that_grows_with_intensity_has_a_curve():
     stripes = np.array([0.5, 1.0, 2.0, 4.0])
     fit = fit_lognormal(stripes, outcomes([10, 12, 14, 16], 40))
     assert 1.0 / fit.dispersion == pytest.approx(0.2021, abs=1e-4)
@@ -312,7 +312,7 @@ def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_no
         assert "does not grow" in str(fit)
 
 
-def test_random_fits_are_maxima_or_have_none():
+def test_every_fit_is_a_maximum_of_the_likelihood():
     rng, seen = np.random.default_rng(35), {"maximum": 0, "separated": 0, "flat": 0}
     for _ in range(200):
         stripes = np.sort(np.exp(rng.normal(0.0, 1.0, rng.integers(2, 9))))
@@ -346,7 +346,7 @@ def test_random_fits_are_maxima_or_have_none():
 
 
 @pytest.mark.parametrize("rows", [[[0, 1, 0, 1, 1]], [[0, 1, 0, 1, 1], [0, 0, 1, 1, 1]]], ids=["one", "two"])
-def test_one_earthquake_or_two_show_no_spread(rows):
+def test_one_or_two_earthquakes_determine_no_interval(rows):
     stripes, hits = np.arange(1.0, 6.0), np.array(rows, dtype=float)
     # Rows without any outcome are no motions, and copies are no more earthquakes.
     padded = np.vstack([hits, np.full((3, 5), np.nan)])
@@ -364,7 +364,7 @@ def test_without_outcomes_there_is_no_median():
     np.testing.assert_array_equal(fit.band(np.array([0.5, 1.5, 3.0])), [[0.0] * 3, [1.0] * 3])
 
 
-def test_outcomes_that_are_all_the_same_bound_the_probability():
+def test_equal_outcomes_bound_the_probability():
     never, always = (fit_lognormal(np.array([1.0, 2.0, 3.0]), np.full((20, 3), x)) for x in (0.0, 1.0))
     assert (str(never), never.interval()) == ("median above the stripes, dispersion unknown", (3.0, math.inf))
     assert (str(always), always.interval()) == ("median below the stripes, dispersion unknown", (0.0, 1.0))
@@ -373,7 +373,7 @@ def test_outcomes_that_are_all_the_same_bound_the_probability():
     np.testing.assert_allclose(never.band(np.array([0.5, 2.5, 3.5])), known, rtol=1e-6)
 
 
-def test_large_counts_and_close_stripes_lose_no_digits():
+def test_fits_of_large_counts_and_close_stripes_are_accurate():
     stripes = np.array([1.0, 1.0 + 1e-6, 1.0 + 2e-6])
     hits = outcomes([10_000, 30_000, 70_000], 100_000)
     near, wide = fit_lognormal(stripes, hits), fit_lognormal(7.0 * stripes**1e6, hits)
@@ -381,7 +381,7 @@ def test_large_counts_and_close_stripes_lose_no_digits():
     assert near.dispersion * 1e6 == pytest.approx(wide.dispersion, rel=1e-7)
 
 
-def test_few_earthquakes_have_the_wider_quantile_of_student():
+def test_the_interval_of_few_earthquakes_uses_student_quantiles():
     hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
     fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits)
     toward = -fit.dispersion * np.array([1.0, math.log(fit.median)])
@@ -389,7 +389,7 @@ def test_few_earthquakes_have_the_wider_quantile_of_student():
     assert fit.interval() == pytest.approx((fit.median * math.exp(-width), fit.median * math.exp(width)))
 
 
-def test_the_interval_covers_and_takes_a_motion_as_one():
+def test_the_interval_of_the_median_has_its_stated_coverage():
     # The outcomes of a motion at all stripes hang together.
     rng, stripes, inside, width = np.random.default_rng(0), np.linspace(0.5, 6.0, 12), 0, []
     for _ in range(200):

@@ -14,7 +14,7 @@ PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 SINE = tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=2.0 * GRAVITY / 6.0, frequency=1.2375))
 
 
-def test_the_history_is_that_of_the_motion():
+def test_a_history_agrees_with_the_transient():
     found, one = motion_history(SINE, PENDULUM, free=5.0), tpd.transient(SINE, PENDULUM, free=5.0)
     assert np.abs(found.tilt).max() == pytest.approx(float(one.tilt), rel=1e-3)
     assert found.status == one.status
@@ -72,7 +72,7 @@ def test_impacts_have_their_times_and_rates():
     assert found.impacts_above(np.abs(rates[3])) == np.sum(np.abs(rates) > np.abs(rates[3])) > 0
 
 
-def test_a_hanging_rod_carries_the_weight_of_its_bob():
+def test_the_tension_of_a_vertical_rod_at_rest_is_the_weight_of_its_bob():
     weak = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1e-6))
     tension, whole, relative = motion_history(weak, PENDULUM, free=1.0).loads(PENDULUM)
     assert (tension, whole) == pytest.approx((450.0 * GRAVITY, 450.0 * GRAVITY), rel=1e-5)
@@ -83,7 +83,7 @@ def test_a_hanging_rod_carries_the_weight_of_its_bob():
         motion_history(weak, free=1.0).loads(PENDULUM)
 
 
-def test_no_state_is_returned_after_overturning_and_bad_times_are_refused():
+def test_a_history_has_no_state_after_overturning():
     fallen = motion_history(dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1.5)), free=20.0)
     assert tpd.status_name(fallen.status) == "overturned"
     gone = np.isnan(fallen.tilt)
@@ -110,14 +110,14 @@ def test_no_state_is_returned_after_overturning_and_bad_times_are_refused():
         ({"free": "x"}, "`free` must be a number, but is 'x'"),
     ],
 )
-def test_bad_input_is_refused(wrong, said):
+def test_invalid_times_are_rejected(wrong, said):
     with pytest.raises(ValueError, match=said):
         motion_history(SINE, **wrong)
 
 
 @pytest.mark.parametrize("pendulum", [None, PENDULUM])
 @pytest.mark.parametrize("free", [0.0, 0.3, 3.0])
-def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(pendulum, free):
+def test_every_row_of_a_surviving_motion_is_finite(pendulum, free):
     samples = np.random.default_rng(5).normal(size=37)
     steps = (0.01, 0.005, 0.02, 0.004, 1.0 / 128.0, 0.0123, 1.0 / 30.0, 0.1)
     # Slow ones would overturn the block.
@@ -152,7 +152,7 @@ def test_the_free_motion_lasts_until_the_last_time():
     np.testing.assert_allclose(found.tilt, np.interp(late, whole.times, whole.tilt), atol=2e-3)
 
 
-def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
+def test_overturning_after_the_last_time_leaves_every_row_finite():
     """The block passes its balance within the free time, and the last arc leads beyond return after it."""
     for free in (0.4, 0.5, 0.6):
         scene = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1.25))
@@ -165,7 +165,7 @@ def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
         assert found.tilt[-1] == pytest.approx(onward, abs=1e-4)
 
 
-def test_the_friction_of_a_block_that_overturns_is_that_until_it_topples():
+def test_the_needed_friction_of_an_overturning_block_ends_at_the_toppling_angle():
     scene = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(3.0))
     found = motion_history(scene, free=5.0)
     assert found.overturned

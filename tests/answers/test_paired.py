@@ -55,7 +55,7 @@ def means(runs) -> list:
     return [[getattr(part, f"{case}_pendulum") for part in runs.parts] for case in ("with", "without")]
 
 
-def test_the_papers_block_is_safer_with_its_pendulum():
+def test_the_pendulum_reduces_the_tilt_of_the_block_of_the_paper():
     asked, small = (tpd.paper_scene(), PENDULUM), tpd.Ensemble(size=96, periods=60)
     linear, nonlinear = (
         tpd.paired_runs(*asked, ensemble=small, equations=e) for e in ("linear", "nonlinear")
@@ -81,7 +81,7 @@ def test_the_papers_block_is_safer_with_its_pendulum():
         np.testing.assert_array_equal(with_it, getattr(nonlinear.with_pendulum, name))
 
 
-def test_paired_runs_of_parameters_are_those_with_their_pendulum_and_without():
+def test_paired_runs_of_parameters_have_both_cases():
     few = tpd.Ensemble(size=4, periods=20)
     p = tpd.paper_scene().parameters(PENDULUM)
     both = tpd.paired_runs(p, ensemble=few)
@@ -94,7 +94,7 @@ def test_paired_runs_of_parameters_are_those_with_their_pendulum_and_without():
         tpd.paired_runs(tpd.paper_scene())
 
 
-def test_runs_are_dealt_out_to_the_conditions_which_are_the_groups():
+def test_each_condition_is_a_group_of_paired_runs():
     band = tpd.Conditions.band(tpd.paper_scene(), 2.0, 3.0, 2)
     few = tpd.Ensemble(size=8, periods=10)
     found = tpd.paired_runs(tpd.paper_scene(), PENDULUM, ensemble=few, conditions=band)
@@ -105,7 +105,7 @@ def test_runs_are_dealt_out_to_the_conditions_which_are_the_groups():
 @pytest.mark.parametrize(
     ("only", "harm"), [((5, 0), True), ((4, 0), False), ((5, 5), False), ((0, 20), False)]
 )
-def test_more_overturning_is_a_significant_difference(only, harm):
+def test_more_overturning_must_be_significant_by_mcnemar(only, harm):
     """McNemar's test: 5 runs of one kind and none of the other have a chance of 1 / 32."""
     run, (worse, better) = np.arange(100), only
     with_it, without = run < worse, (run >= 50) & (run < 50 + better)
@@ -120,7 +120,7 @@ def test_more_overturning_is_a_significant_difference(only, harm):
     assert found.overturning_in_words == head + ("." if worse == better else ends[worse])
 
 
-def test_runs_of_one_earthquake_are_no_independent_observations():
+def test_runs_of_one_earthquake_count_as_one_observation():
     """Ten runs more overturn: of ten earthquakes each one that is harm, of one earthquake it is nothing."""
     lost = np.where(np.arange(40) < 10, np.inf, 0.4)
     cases = {"independent": np.arange(40), "one": np.r_[np.zeros(10, int), np.arange(1, 31)]}
@@ -154,7 +154,7 @@ def test_the_benefit_counts_the_counted_runs_and_the_harm_all_of_them():
     assert [part.label for part in found.worse_parts] == ["condition 1"]
 
 
-def test_runs_without_an_answer_are_left_out_counted_and_named():
+def test_runs_without_a_result_are_left_out_and_counted():
     nan = np.nan
     with_it, without = [0.1, nan, 0.1, nan, 0.2], [0.4, 0.4, nan, nan, np.inf]
     found = paired(with_it, without, [0, 0, 0, 0, 1])
@@ -175,7 +175,7 @@ def test_runs_without_an_answer_are_left_out_counted_and_named():
     assert "without a result" not in str(whole)
 
 
-def test_no_pair_and_one_pair_have_a_benefit_of_their_own():
+def test_the_benefit_of_no_pair_is_unknown_and_of_one_pair_has_no_interval():
     found = paired([np.nan] * 4, [0.3] * 4)
     assert np.isnan(found.benefit.mean)
     assert (found.pairs, found.undecided, found.benefit_in_words) == (0, 4, "benefit unknown")
@@ -185,7 +185,7 @@ def test_no_pair_and_one_pair_have_a_benefit_of_their_own():
     assert (one.worse_parts, np.isfinite(one.benefit.low)) == ((), False)
 
 
-def test_severity_is_the_tilt_over_nu_and_one_where_the_block_overturns():
+def test_severity_is_the_tilt_divided_by_nu_and_one_after_overturning():
     found = outcomes([0.0, 0.3, 1.4, np.inf, np.nan])
     np.testing.assert_allclose(found.severity, [0.0, 0.3, 1.0, 1.0, np.nan], rtol=1e-15)
     odd = dataclasses.replace(outcomes([0.3]), settled_tilt=np.array([np.nan]))
@@ -194,7 +194,7 @@ def test_severity_is_the_tilt_over_nu_and_one_where_the_block_overturns():
     np.testing.assert_allclose(dataclasses.replace(found, nu=2.0 * found.nu).severity[:3], [0.0, 0.15, 0.7])
 
 
-def test_every_change_of_known_runs():
+def test_every_change_of_hand_made_runs_has_its_known_value():
     with_it = np.array([0.0, 0.0, 0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4, np.inf])
     without = np.array([0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.6, 0.6, np.inf, np.inf])
     found = paired(with_it, without)
@@ -220,7 +220,7 @@ def test_every_change_of_known_runs():
     assert worst.with_pendulum == pytest.approx(np.mean([36, 37, 38, 39]) / 50)
 
 
-def test_a_benefit_is_the_fall_of_the_mean_severity_of_pairs():
+def test_a_benefit_is_the_relative_reduction_of_the_mean_severity():
     without = np.random.default_rng(1).uniform(0.05, 0.95, 50)
     with_it = 0.7 * without + np.random.default_rng(2).uniform(0.0, 0.1, 50)
     found, known = paired(with_it, without).benefit, fall(with_it, without)
@@ -235,7 +235,7 @@ def test_a_benefit_is_the_fall_of_the_mean_severity_of_pairs():
     [(0.0, 0.0, 0.0), (0.3, 0.3, 0.0), (np.inf, np.inf, 0.0), (0.0, np.inf, 1.0), (0.4, 0.0, -20.0)],
     ids=["all rest", "all rock", "all lost", "none lost", "none to rest"],
 )
-def test_runs_that_end_alike_have_a_benefit_with_an_interval_of_positive_width(with_it, without, value):
+def test_the_benefit_of_identical_runs_has_an_interval_of_positive_width(with_it, without, value):
     found = paired([with_it] * 40, [without] * 40)
     assert found.benefit.mean == pytest.approx(value, abs=1e-15)
     assert found.benefit.low < value
@@ -245,7 +245,7 @@ def test_runs_that_end_alike_have_a_benefit_with_an_interval_of_positive_width(w
         assert c.low < c.high
 
 
-def test_a_group_is_worse_where_its_pairs_show_it():
+def test_a_group_is_worse_only_if_its_pairs_prove_it():
     group = np.repeat([0, 1, 2, 3], 16)
     noise = np.random.default_rng(3).uniform(-0.02, 0.02, 64)
     with_it, without = np.array([0.2, 0.309, 0.36, 0.3])[group] + noise, np.full(64, 0.3)
@@ -270,7 +270,7 @@ def test_a_group_is_worse_where_its_pairs_show_it():
 KINDS = "from rest, sudden start", "from rest, growth over 10 periods"
 
 
-def test_a_pendulum_that_harms_after_sudden_starts_only_is_not_hidden_by_the_mean():
+def test_harm_after_sudden_starts_is_reported_despite_a_lower_mean():
     """Half of the runs start suddenly. There the tilt rises from 0.4 to 0.5; it falls to 0.1 elsewhere."""
     growth = np.tile([0.0, 10.0], 256)
     found = paired(np.where(growth == 0.0, 0.5, 0.1), np.full(512, 0.4))
@@ -299,14 +299,14 @@ def test_a_pendulum_that_harms_after_sudden_starts_only_is_not_hidden_by_the_mea
         (60, 0, 940, 4000, False),
     ],
 )
-def test_rests_less_where_significantly_fewer_rest_than_nine_tenths(fewer, more, both, others, less):
+def test_rests_less_is_true_if_significantly_fewer_runs_rest(fewer, more, both, others, less):
     with_it = np.array([0.1] * fewer + [0.0] * (more + both) + [0.1] * others)
     without = np.array([0.0] * fewer + [0.1] * more + [0.0] * both + [0.1] * others)
     assert paired(with_it, without).rests_less is less
 
 
 @pytest.mark.parametrize(("measure", "truth", "earthquakes"), [("tilt", 0.08, 22), ("overturning", 0.16, 11)])
-def test_reductions_of_runs_that_decided_contain_the_truth(measure, truth, earthquakes):
+def test_conditional_intervals_of_deciding_runs_contain_the_truth(measure, truth, earthquakes):
     """A part of the benchmark `quoted`, whose stored results are tested as a whole below."""
     found = quoted.covered(quoted.Effect(measure, truth), earthquakes, np.random.default_rng(1), 40)
     assert found["cases"] == 40

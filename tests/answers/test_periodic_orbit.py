@@ -109,7 +109,7 @@ def spectrum(multipliers: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
-def test_status_periods_and_symmetry(scene: Scene) -> None:
+def test_an_orbit_has_its_known_status_period_and_symmetry(scene: Scene) -> None:
     orbit = found(scene).orbit
     assert status_name(orbit.status) == scene.status
     assert bool(orbit.symmetric) == scene.symmetric
@@ -121,7 +121,7 @@ def test_status_periods_and_symmetry(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
-def test_simulation_stays_on_the_orbit_and_has_its_multipliers_wherever_cut(scene: Scene) -> None:
+def test_a_simulation_from_the_orbit_closes_with_its_multipliers(scene: Scene) -> None:
     orbit, period = found(scene).orbit, np.linspace(0.0, 1.0, 361) * scene.periods * 2.0 * np.pi / scene.x[6]
     ys, slopes, _ = along(scene.x, orbit.state, period)
     np.testing.assert_allclose(ys[-1], orbit.state, rtol=0.0, atol=2e-12)
@@ -137,7 +137,7 @@ def test_simulation_stays_on_the_orbit_and_has_its_multipliers_wherever_cut(scen
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.name)
-def test_gradients_are_the_differences(scene: Scene) -> None:
+def test_derivatives_of_an_orbit_equal_finite_differences(scene: Scene) -> None:
     answer = found(scene)
     assert np.all(np.isfinite(answer.slopes))
 
@@ -167,7 +167,7 @@ def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
     return orbit
 
 
-def test_continuation_passes_where_the_orbit_repels() -> None:
+def test_continuation_follows_an_orbit_after_it_becomes_unstable() -> None:
     x, amplitude, half = (*UNSTABLE[0], 1.0), *UNSTABLE[1:]
     before = moved(without(), x, 6, np.linspace(1.5, 1.05, 10))
     assert status_name(before.status) == "rocking"
@@ -231,12 +231,12 @@ def test_a_missing_orbit_has_a_status_with_the_reason(status: str) -> None:
         ("rest_rate", 0.0, "must be positive"),
     ],
 )
-def test_input_is_checked(name: str, value: float, said: str) -> None:
+def test_arguments_out_of_range_are_rejected(name: str, value: float, said: str) -> None:
     with pytest.raises(ValueError, match=f"`{name}` {said}"):
         periodic_orbit(parameters(SCENES[0].x), np.zeros(4), **{name: value})
 
 
-def test_programs_answer_as_the_host_does() -> None:
+def test_an_orbit_under_jit_equals_the_orbit_of_plain_numbers() -> None:
     scene = SCENES[3]
     x, y0 = jnp.array(scene.x), np.array(scene.near)
 
@@ -253,7 +253,7 @@ def test_programs_answer_as_the_host_does() -> None:
         np.testing.assert_allclose(slopes, found(scene).slopes[1], rtol=1e-9)
 
 
-def test_derivatives_that_are_not_known_are_refused() -> None:
+def test_second_derivatives_of_an_orbit_are_nan() -> None:
     x, y0 = jnp.array(SCENES[0].x), np.array(SCENES[0].near)
 
     def answer(x: jax.Array) -> PeriodicOrbit:

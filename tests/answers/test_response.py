@@ -34,7 +34,7 @@ def fold() -> Bifurcation:
     return found
 
 
-def test_symmetry_breaks_and_sticking_begins_where_the_branches_end():
+def test_branches_end_at_symmetry_breaking_and_sticking():
     breaking, sticking = without_it().bifurcations
     assert (breaking.kind, sticking.kind) == (Kind.symmetry_breaking, Kind.sticking)
     assert breaking.value == pytest.approx(1.0443, abs=5e-5)
@@ -46,7 +46,7 @@ def test_symmetry_breaks_and_sticking_begins_where_the_branches_end():
     assert 0 < first - sticking.value < 1e-3 * (3.1 / 124)
 
 
-def test_a_resting_block_stays_where_the_margin_is_positive():
+def test_the_margin_of_a_branch_equals_the_closed_form_of_uplift():
     case = with_it()
     p = Setup.of(SCENE, PENDULUM).at({"frequency": case.sweep.value})
     assert set(np.sign(case.margin)) == {-1.0, 1.0}
@@ -54,7 +54,7 @@ def test_a_resting_block_stays_where_the_margin_is_positive():
     np.testing.assert_allclose(case.rest_swing, np.asarray(uplift(p).swing), rtol=1e-12)
 
 
-def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
+def test_the_fold_in_hz_equals_the_fold_in_xi():
     b, s = fold(), with_it().sweep
     p = Setup.of(SCENE, PENDULUM).at({"frequency": b.value})
     near = bifurcations(p, "xi", 0.99 * p.xi, 1.01 * p.xi, samples=40)
@@ -67,7 +67,7 @@ def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
     assert 0 < abs(upper - lower) < 3e-3 * b.amplitude
 
 
-def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
+def test_the_settled_response_of_the_paper_has_its_known_amplitude():
     r, p = settled_response(SCENE, "frequency", [2.5, 1.5]), SCENE.parameters()
     assert list(r.status) == ["rocking", "rest"]
     # From the grid of exact solutions in the README.
@@ -93,7 +93,7 @@ def test_branches_print_one_line_for_each_bifurcation():
     assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
 
 
-def test_a_response_refuses_bad_input():
+def test_invalid_input_of_a_response_is_rejected():
     with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
         settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
@@ -102,7 +102,7 @@ def test_a_response_refuses_bad_input():
         branches(WITHOUT, "xi", 1.0, 2.0, samples=3)
 
 
-def test_frequencies_are_close_near_the_own_one():
+def test_frequencies_are_denser_near_the_stated_frequency():
     values = frequencies(2.5, 1.0, 5.0, 41)
     near = values[np.abs(values / 2.5 - 1.0) < 0.05]
     np.testing.assert_allclose(near, 2.5 * (1.0 + 0.004 * np.arange(-12, 13)), rtol=1e-12)
@@ -111,7 +111,7 @@ def test_frequencies_are_close_near_the_own_one():
     np.testing.assert_array_equal(frequencies(2.5, 4.0, 5.0, 3), [4.0, 4.5, 5.0])
 
 
-def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_what_is_lost():
+def test_a_response_plot_distinguishes_stable_and_unstable_branches():
     (ax,) = tpd.plot(without_it())
     assert ax.get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
     labels = [text.get_text() for text in ax.get_legend().get_texts()]

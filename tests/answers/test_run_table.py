@@ -27,7 +27,7 @@ def runs():
     return follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, free=5.0)
 
 
-def test_the_table_has_every_motion_with_every_pendulum(runs):
+def test_the_run_table_combines_every_record_with_every_pendulum(runs):
     assert runs.tilt.shape == (2, 2, 3)
     for i, j, k in np.ndindex(2, 2, 3):
         scene = tpd.Scene(STATUE, MOTIONS[j].scaled(FACTORS[j, k]))
@@ -48,7 +48,7 @@ def test_the_table_has_every_motion_with_every_pendulum(runs):
     assert runs.condition[0].tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
-def test_workers_and_the_order_of_motions_change_nothing(runs):
+def test_results_do_not_depend_on_workers_or_the_order_of_records(runs):
     seen, given = [], {"free": 5.0, "progress": lambda *n: seen.append(n)}
     one = follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, workers=1, **given)
     turned = follow_scaled(STATUE, (PENDULUM, None), MOTIONS[::-1], FACTORS[::-1], free=5.0, workers=3)
@@ -59,7 +59,7 @@ def test_workers_and_the_order_of_motions_change_nothing(runs):
     assert seen[-1] == (12, 12)
 
 
-def test_rows_are_followed_as_they_are(runs):
+def test_follow_runs_simulates_the_stated_rows(runs):
     p = [tpd.Scene(STATUE, motion, 9.80665).ground_parameters(PENDULUM) for motion in MOTIONS]
     x = np.array([ground_row_of(single(q)) for q in p])
     late = np.full(2, 5.0 * float(tpd.Scene(STATUE, MOTIONS[0]).rate))
@@ -68,7 +68,7 @@ def test_rows_are_followed_as_they_are(runs):
     assert found.tilt[0] == runs.tilt[1, 0, 1]
 
 
-def test_a_run_without_an_answer_has_no_results_and_has_not_overturned(monkeypatch):
+def test_a_run_without_a_result_is_nan_and_not_overturned(monkeypatch):
     unanswered(monkeypatch, lambda rows: rows[:, MU] > 0.0)
     found = follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, free=5.0)
     assert found.is_unanswered.tolist() == [[[False] * 3] * 2, [[True] * 3] * 2]
@@ -87,7 +87,7 @@ def test_a_run_without_an_answer_has_no_results_and_has_not_overturned(monkeypat
         (FACTORS, -1.0, "`free` must be between 0 and"),
     ],
 )
-def test_bad_input_is_one_sentence(factors, free, said):
+def test_invalid_factors_are_rejected_in_one_sentence(factors, free, said):
     with pytest.raises(ValueError, match=said):
         follow_scaled(STATUE, (None,), MOTIONS, factors, free=free)
 

@@ -35,7 +35,7 @@ def middle(rows: np.ndarray) -> np.ndarray:
     return np.isclose(rows[:, XI], float(STRONG.piece) * 2.0 * np.pi / PERIODS[1])
 
 
-def test_the_overturning_spectrum_has_its_tongues():
+def test_the_overturning_spectrum_has_the_tongues_of_the_critical_scale():
     sizes = np.linspace(0.9, 12.0, 60)
     found = spectrum(PENDULUM, (5.0,), sizes)
     frequency = 5.0 * float(tpd.Scene(COLUMN, PULSE).rate) / (2.0 * math.pi)
@@ -48,7 +48,7 @@ def test_the_overturning_spectrum_has_its_tongues():
     assert found.safe().shape == (2,)
 
 
-def test_the_rocking_spectrum_is_that_of_single_blocks():
+def test_the_rocking_spectrum_equals_transients_of_single_blocks():
     noise = np.random.default_rng(0).standard_normal(400) * np.sin(np.pi * np.arange(400) / 399.0) ** 2
     record = tpd.Record(noise, 0.02).scaled_to(pga_g=0.5)
     shape = {"mass": 900.0, "friction": 0.0, "restitution": "housner"}
@@ -67,7 +67,7 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
             assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
 
 
-def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch):
+def test_the_safe_share_excludes_cells_without_a_result(monkeypatch):
     known = spectrum(PENDULUM)
     unanswered(monkeypatch, largest)
     found = spectrum(PENDULUM)
@@ -78,12 +78,12 @@ def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch)
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [2, 2])
 
 
-def test_without_any_answer_no_share_is_known(monkeypatch):
+def test_a_spectrum_without_any_result_has_no_safe_share(monkeypatch):
     unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
     assert np.isnan(spectrum().safe()).tolist() == [True]
 
 
-def test_cells_without_an_answer_are_drawn(monkeypatch):
+def test_an_overturning_spectrum_plot_marks_cells_without_a_result(monkeypatch):
     unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, MU] > 0.0))
     without, with_it = tpd.plot(spectrum(PENDULUM))
     assert not without.lines
@@ -93,7 +93,7 @@ def test_cells_without_an_answer_are_drawn(monkeypatch):
     assert with_it.get_legend() is not None
 
 
-def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
+def test_a_block_without_a_result_has_no_tilt(monkeypatch):
     known = rocking()
     unanswered(monkeypatch, middle)
     found = rocking()
@@ -106,7 +106,7 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [1, 1])
 
 
-def test_blocks_without_an_answer_are_drawn(monkeypatch):
+def test_a_rocking_spectrum_plot_marks_blocks_without_a_result(monkeypatch):
     assert not any("no result" in line.get_label() for line in tpd.plot(rocking()).lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, MU] > 0.0))
     drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
@@ -114,6 +114,6 @@ def test_blocks_without_an_answer_are_drawn(monkeypatch):
     assert "without pendulum: no result" not in drawn
 
 
-def test_a_spectrum_without_free_motion_has_the_tilts_of_the_excitation_alone():
+def test_without_free_motion_the_spectrum_has_no_larger_tilts():
     found = tpd.rocking_spectrum(COLUMN, STRONG, periods=PERIODS, free=0.0)
     assert np.all(found.without_pendulum <= rocking().without_pendulum)

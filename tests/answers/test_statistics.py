@@ -23,7 +23,7 @@ from tpd.answers.statistics import (
 )
 
 
-def test_shares_have_wilsons_interval():
+def test_the_interval_of_a_share_is_wilsons():
     for hits, n in ((10, 100), (0, 50), (50, 50), (1, 3)):
         share = Share.of(np.arange(n) < hits)
         known = binomtest(hits, n).proportion_ci(method="wilson")
@@ -44,7 +44,7 @@ def test_a_quantile_is_the_smallest_value_that_at_most_the_allowed_share_exceeds
     assert np.isnan(quantile_of(np.zeros(0), 1.0 - allowed))
 
 
-def test_the_chance_of_a_difference_is_the_binomials():
+def test_the_chance_of_a_difference_is_the_binomial_p_value():
     assert chance_of(0, 0) == chance_of_either(0, 0) == 1.0
     for worse, better in ((5, 0), (4, 1), (0, 5), (900, 1100)):
         known = binomtest(worse, worse + better, alternative="greater").pvalue
@@ -83,7 +83,7 @@ def explicit(tops, clusters):
     return variance, np.trace(products) ** 2 / np.sum(products**2)
 
 
-def test_degrees_of_freedom_and_limits_are_those_of_explicit_matrices():
+def test_degrees_of_freedom_equal_explicit_matrices():
     rng = np.random.default_rng(3)
     for n in (2, 5, 40):
         assert degrees_of_freedom(np.full(n, 1.0 / n)) == pytest.approx(n - 1, rel=1e-12)
@@ -100,7 +100,7 @@ def test_degrees_of_freedom_and_limits_are_those_of_explicit_matrices():
         assert found.high - found.mean == pytest.approx(min(width, 1.0 - found.mean), rel=1e-2)
 
 
-def test_exact_coverage_of_rare_differences_is_at_least_94_per_cent():
+def test_the_coverage_of_rare_differences_is_at_least_94_per_cent():
     n, counts = 512, np.arange(61)
     limits = [changed(np.arange(n) < k) for k in counts]
     low, high = (np.array([getattr(x, side) for x in limits]) for side in ("low", "high"))
@@ -112,7 +112,7 @@ def test_exact_coverage_of_rare_differences_is_at_least_94_per_cent():
 
 
 @pytest.mark.parametrize("n", [2, 3, 6, 20, 512])
-def test_rare_differences_are_within_the_interval_of_clusters_that_saw_none(n):
+def test_the_interval_without_differences_contains_rare_differences(n):
     for found in (changed(np.zeros(n)), changed(np.zeros(3 * n), np.repeat(np.arange(n), 3))):
         assert found.low == pytest.approx(-found.high)
         assert (1.0 - found.high) ** n < 0.06
@@ -120,7 +120,7 @@ def test_rare_differences_are_within_the_interval_of_clusters_that_saw_none(n):
     assert cancel.high == pytest.approx(changed(np.zeros(n)).high)
 
 
-def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
+def test_an_interval_contains_its_mean_and_needs_two_clusters():
     rng = np.random.default_rng(1)
     for _ in range(200):
         n = int(rng.integers(2, 30))
@@ -136,7 +136,7 @@ def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
 
 
 @pytest.mark.parametrize("truth", [0.08, 0.16, 0.3])
-def test_an_interval_that_allows_for_the_decision_contains_the_truth_of_samples_that_pass(truth):
+def test_a_conditional_interval_has_its_coverage_for_samples_that_pass(truth):
     """The normal distribution itself: a sample passes above a threshold."""
     rng, error, least = np.random.default_rng(0), 0.06, 0.168
     means = rng.normal(truth, error, 40_000)
@@ -173,14 +173,14 @@ def test_a_quantity_that_did_not_decide_is_corrected_by_its_correlation():
     assert conditional_interval(unknown, of, 0.1) == unknown
 
 
-def test_a_fall_of_runs_that_are_all_alike_has_a_width():
+def test_the_reduction_of_identical_runs_has_an_interval_of_positive_width():
     for pendulum, without in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
         found = fall(np.full(18, pendulum), np.full(18, without), np.repeat(np.arange(6), 3), least=0.02)
         assert found.low < found.mean <= found.high <= 1.0
         assert found.high - found.low > 0.3
 
 
-def test_few_values_that_are_all_alike_are_no_significant_mean():
+def test_a_mean_of_few_identical_values_is_not_significant():
     assert not is_positive(np.ones(2))
     assert not is_positive(np.full(4, 0.1))
     assert is_positive(np.ones(5))
@@ -188,7 +188,7 @@ def test_few_values_that_are_all_alike_are_no_significant_mean():
     assert is_positive(np.full(400, 0.1))
 
 
-def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
+def test_the_interval_of_a_ratio_of_means_has_its_stated_coverage():
     # Bare tilts about a mean of each earthquake, hung ones at 0.7 of these with a scatter.
     rng, hits, clusters = np.random.default_rng(0), 0, np.repeat(np.arange(20), 3)
     for _ in range(300):
@@ -200,7 +200,7 @@ def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
     assert hits / 300 > 0.93
 
 
-def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():
+def test_a_reduction_from_almost_zero_is_relative_to_the_least_mean():
     found = fall(np.array([0.01, 0.03]), np.array([0.0, 0.01]), least=0.02)
     assert found.mean == pytest.approx((0.005 - 0.02) / 0.02)
     assert found.low < found.mean < found.high
@@ -211,7 +211,7 @@ def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():
 
 
 @pytest.mark.parametrize(("motions", "least"), [(40, 12), (4000, 1024)])
-def test_the_paired_test_is_that_of_mcnemar(motions, least):
+def test_the_paired_test_equals_mcnemars(motions, least):
     rng = np.random.default_rng(3)
     a, b = ((rng.random((motions, 6)) < share).astype(float) for share in (0.5, 0.48))
     for i, p in enumerate(mcnemar(a, b)):
@@ -220,7 +220,7 @@ def test_the_paired_test_is_that_of_mcnemar(motions, least):
         assert x + y >= least
 
 
-def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
+def test_the_paired_test_uses_the_least_favourable_unknown_outcomes():
     rng = np.random.default_rng(5)
     for i in range(40):
         a, b = ((rng.random((9, 1)) < share).astype(float) for share in ((0.7, 0.2), (0.2, 0.7))[i % 2])
@@ -235,7 +235,7 @@ def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
         assert mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
 
 
-def test_a_change_that_rounds_to_zero_is_called_a_reduction():
+def test_a_change_that_rounds_to_zero_is_printed_as_a_reduction():
     cases = {
         (0.25, 0.1, 0.4): (True, "25 %", " (95 % interval 10 to 40 %)"),
         (-0.004, -math.inf, math.inf): (True, "0 %", ""),
@@ -245,7 +245,7 @@ def test_a_change_that_rounds_to_zero_is_called_a_reduction():
         assert Interval(*numbers).fall_in_words() == words
 
 
-def test_a_share_over_clusters_has_the_interval_of_as_many_observations():
+def test_the_interval_of_a_share_over_clusters_counts_clusters():
     hits = np.array([True, True, False, False, True, False])
     found = Share.of(hits, np.array([0, 0, 1, 1, 2, 2]))
     expected = binomtest(0, 3).proportion_ci(method="wilson")

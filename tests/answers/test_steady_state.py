@@ -29,7 +29,7 @@ X = np.array(WITH[3].x)
 NAMES = ("mu", "lam", "zeta", "k", "f", "xi")
 
 
-def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one():
+def test_forward_mode_of_a_batch_equals_reverse_mode_of_single_rows():
     # `exact` takes its Jacobian in reverse mode.
     def sizes(x):
         steady = steady_state(parameters(x))
@@ -42,7 +42,7 @@ def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one():
         np.testing.assert_allclose(found, exact(x).slopes[:2], rtol=1e-8, atol=1e-14)
 
 
-def test_an_inertia_ratio_left_out_is_tied_to_the_slenderness():
+def test_the_default_inertia_ratio_follows_the_slenderness():
     def amplitude(nu, rho):
         return steady_state(Parameters(**dict(zip(NAMES, X[1:], strict=True)), nu=nu, rho=rho)).amplitude
 
@@ -66,7 +66,7 @@ def test_throw_raises_the_message_of_the_status():
         steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), throw=True)
 
 
-def test_a_trajectory_has_one_state_a_time_and_begins_at_its_start():
+def test_a_trajectory_has_one_state_per_time_from_its_initial_state():
     y0, times = np.array([0.05, -0.1, 0.02, 0.3]), np.array([0.3, 0.7])
     motion = simulate(parameters(X), y0, times)
     assert motion.ys.shape == (2, 4)
@@ -85,7 +85,7 @@ def test_a_trajectory_has_one_state_a_time_and_begins_at_its_start():
         ([[0.0, 1.0]], "`times` must be a vector of 2 or more increasing numbers, all finite, but is"),
     ],
 )
-def test_times_that_make_no_sense_are_refused(times, message):
+def test_invalid_times_are_rejected(times, message):
     with pytest.raises(ValueError, match=message):
         simulate(parameters(X), np.zeros(4), np.array(times))
 
@@ -95,7 +95,7 @@ def test_sampled_times_divide_the_first_periods():
     np.testing.assert_allclose(sampled(p, 2, 4), np.linspace(0.0, 2.0, 9) * p.period, rtol=1e-15)
 
 
-def test_a_start_of_another_shape_is_refused():
+def test_an_initial_state_of_wrong_shape_is_rejected():
     with pytest.raises(ValueError, match=r"`y0` must be \(phi, psi, phi', psi'\), all finite, but is \[0"):
         simulate(parameters(X), np.zeros(2), np.array([0.0, 1.0]))
 
@@ -113,14 +113,14 @@ def test_a_start_of_another_shape_is_refused():
         ("xi", np.array([1.0, -2.0]), r"`xi` must be positive and finite, but is \[ 1\. -2\.\]"),
     ],
 )
-def test_parameters_out_of_range_are_refused(name, value, message):
+def test_parameters_out_of_range_are_rejected(name, value, message):
     good = {"nu": 0.25, "mu": 0.1, "lam": 0.5, "zeta": 0.1, "k": 0.05, "f": 0.3, "xi": 2.5}
     with pytest.raises(ValueError, match=message):
         Parameters(**{**good, name: value})
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.197])
-def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
+def test_a_block_that_does_not_lift_is_at_rest_despite_a_slow_bob(mu):
     p = parameters((0.25, mu, 1.2, 0.1, 0.05, 0.377, 2.67))
     assert float(uplift(p).margin) > 0.0
     settled = steady_state(p)
@@ -128,7 +128,7 @@ def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
     assert settled.swing == pytest.approx(0.0744690, rel=1e-6)
 
 
-def test_numbers_of_any_type_and_starts_have_derivatives():
+def test_parameters_and_initial_states_of_any_type_have_derivatives():
     def settled(mu, k=0.0, y0=(0.0, 0.0, 0.0, 0.0), zeta=0.1):
         p = Parameters(nu=0.25, mu=mu, lam=0.5, zeta=zeta, k=k, f=0.3, xi=2.5)
         return steady_state(p, y0=jnp.asarray(y0))
@@ -142,7 +142,7 @@ def test_numbers_of_any_type_and_starts_have_derivatives():
     assert np.isnan(in_start(jnp.array([0.0, 0.05, 0.0, 0.0]), 1.0, 0.0)).all()
 
 
-def test_a_batch_without_vmap_is_refused_in_a_sentence():
+def test_a_batch_without_vmap_is_rejected_in_one_sentence():
     p = Parameters(nu=0.25, mu=np.array([0.1, 0.2]), lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=2.5)
     for solve in (steady_state, symmetric_orbits):
         with pytest.raises(ValueError, match="`p` must be single numbers"):
@@ -183,7 +183,7 @@ print("refused", len(calls))
 '''
 
 
-def test_in_32_bits_every_call_refuses_by_name():
+def test_every_call_in_32_bits_is_rejected_by_name():
     done = subprocess.run([sys.executable, "-c", IN_32_BITS], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout.startswith("refused 25")
@@ -193,7 +193,7 @@ UNDER_A_SWING = ((0.1, 0.2, 1.0, 0.3, 0.05, 0.01, 2.0), (0.08, 0.15, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("x", "y0"), [LEANING, UNDER_A_SWING], ids=["bare", "hung"])
-def test_a_block_that_friction_holds_leaning_is_held(x, y0):
+def test_a_tilted_block_that_friction_holds_has_the_status_held(x, y0):
     answer = exact(x, y0)
     assert answer.status == "held"
     times = np.linspace(60.0, 61.0, 101) * 2.0 * np.pi / x[6]
@@ -213,7 +213,7 @@ def test_a_block_that_friction_holds_leaning_is_held(x, y0):
 
 
 @pytest.mark.parametrize("xi", [1.0, 2.0])
-def test_a_block_that_shaking_may_still_move_is_not_held(xi):
+def test_a_block_that_the_excitation_can_still_move_is_not_held(xi):
     # The moment of the shaking at its largest exceeds what friction has left.
     x = (*LEANING[0][:5], 0.045, xi)
     assert exact(x, LEANING[1]).status != "held"
@@ -236,7 +236,7 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
     assert seen >= 3
 
 
-def test_a_block_whose_hops_shrink_for_ever_is_at_rest():
+def test_a_block_with_ever_smaller_impacts_is_at_rest():
     # Called unstable once, with an amplitude that was not a number.
     x = (0.15219996763318633, 0.0, 0.7402184631381078, 0.02281021584818501)
     x += (0.25502843829543936, 0.22873452094277605, 2.1349761701555288, 0.8951161575180197)
@@ -285,7 +285,7 @@ traced = jax.jit(settled)
 
 
 @pytest.mark.parametrize("status", SCENES)
-def test_plain_numbers_have_the_answer_of_traced_ones(status):
+def test_plain_and_traced_parameters_give_equal_steady_states(status):
     x, y0 = SCENES[status]
     found, expected = settled(x, y0), traced(np.array(x), np.array(y0))
     assert status_name(found.status) == status
@@ -295,7 +295,7 @@ def test_plain_numbers_have_the_answer_of_traced_ones(status):
         assert np.asarray(ours).tobytes() == np.asarray(theirs, dtype=np.asarray(ours).dtype).tobytes()
 
 
-def test_orbits_of_plain_numbers_are_those_of_traced_ones():
+def test_plain_and_traced_parameters_give_equal_orbits():
     p = Parameters(**dict(zip(FIELDS, SCENES["unstable"][0], strict=True)))
     found, expected = (jax.tree.leaves(solve(p)) for solve in (symmetric_orbits, jax.jit(symmetric_orbits)))
     for ours, theirs in zip(found, expected, strict=True):
@@ -303,14 +303,14 @@ def test_orbits_of_plain_numbers_are_those_of_traced_ones():
         np.testing.assert_array_equal(ours, theirs, strict=True)
 
 
-def test_arrays_of_one_number_and_wholes_have_the_answer_of_floats():
+def test_scalars_arrays_and_integers_give_the_result_of_floats():
     x, y0 = SCENES["rocking"]
     found = [settled(given, y0) for given in (x, map(np.asarray, x), jnp.asarray(x), np.array(x))]
     whole = [settled((*x[:6], xi, *x[7:]), np.zeros(4, int)) for xi in (4, 4.0, np.float64(4.0))]
     assert len({(float(s.amplitude), float(s.swing), *map(float, s.state)) for s in [*found, *whole]}) == 1
 
 
-def test_a_derivative_in_one_of_plain_numbers_is_that_of_the_answer():
+def test_a_derivative_in_one_parameter_equals_its_difference_quotient():
     x, y0 = SCENES["rocking"]
 
     def amplitude(f):

@@ -40,7 +40,7 @@ def power(distances, values):
 
 
 @pytest.mark.parametrize("case", MOVING, ids=named)
-def test_amplitude_and_gradient_are_the_known_ones(case):
+def test_amplitude_and_gradient_equal_stored_references(case):
     o, expected = of_case(case), np.array(case.gradient)
     assert o.status == "rocking"
     assert o.amplitude == pytest.approx(case.amplitude, rel=case.amplitude_rtol, abs=case.amplitude_atol)
@@ -57,7 +57,7 @@ def test_a_repelling_orbit_is_unstable():
     assert np.sqrt(np.abs(o.multipliers[-1, 0]).max()) == pytest.approx(half, abs=5e-4)
 
 
-def test_an_attracting_orbit_is_the_steady_state_from_its_own_state():
+def test_a_stable_orbit_is_the_steady_state_from_its_state():
     for x, o in [(full(case.x), of_case(case)) for case in MOVING] + chosen(6, "rocking"):
         s = exact(x, o.state).steady
         assert status_name(s.status) == "rocking"
@@ -81,7 +81,7 @@ def by_differences(x, amplitude, share):
 
 
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])
-def test_slopes_are_those_of_differences(kind):
+def test_derivatives_of_orbits_equal_finite_differences(kind):
     # Far from where orbits are lost, and with room for steps of 0.4 %.
     safe = [
         (x, o)
@@ -100,7 +100,7 @@ def test_slopes_are_those_of_differences(kind):
     assert np.sort(swings)[-2] < 1e-5
 
 
-def test_a_neutral_orbit_has_the_gradient_of_differences():
+def test_the_gradient_of_a_neutral_orbit_equals_differences():
     o = among(CONSERVING[0], "f", CONSERVING[0][F] + np.array([0.0, -1e-5, 1e-5]))
     assert o.status[0, 0] == "neutral"
     _, down, up = o.amplitude[:, 0]
@@ -115,7 +115,7 @@ def test_at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit():
     assert all(np.all(np.isnan(getattr(o, name)[1])) for name in NUMBERS)
 
 
-def test_where_symmetry_breaks_the_orbit_loses_its_stability_and_keeps_its_gradient():
+def test_an_orbit_loses_stability_and_keeps_its_gradient_at_symmetry_breaking():
     b, distances = lost(Kind.symmetry_breaking), 10.0 ** np.linspace(-7.0, -3.0, 9)
     assert b.value == pytest.approx(1.0443, abs=5e-4)
     below, above = (among(UNSTABLE[0], "xi", b.value * (1.0 + s * distances)) for s in (-1.0, 1.0))
@@ -128,7 +128,7 @@ def test_where_symmetry_breaks_the_orbit_loses_its_stability_and_keeps_its_gradi
 
 @bounded(60)
 @given(x=st.tuples(*(st.floats(a, b) for a, b in zip(LOW, HIGH, strict=True))))
-def test_there_is_never_a_nan_without_a_status(x):
+def test_every_nan_of_an_orbit_has_a_status(x):
     o = solve([x])
     there = np.isin(o.status, ("rocking", "unstable"))
     assert np.all(there | np.isin(o.status, ("near_fold", "grazing", "no_orbit", "neutral")))
@@ -142,7 +142,7 @@ def test_there_is_never_a_nan_without_a_status(x):
     assert np.all((largest >= 1.0)[o.status == "unstable"])
 
 
-def test_an_undamped_hinge_is_no_exception():
+def test_an_undamped_hinge_is_the_limit_of_small_damping():
     damping = np.array([0.0, 1e-9, 1e-6])
     o = among(MOVING[3].x, "zeta", damping)
     assert np.all(np.isfinite(o.slopes[:, 0]))
@@ -150,7 +150,7 @@ def test_an_undamped_hinge_is_no_exception():
     np.testing.assert_allclose(o.amplitude[:, 0] - o.amplitude[0, 0], expected, rtol=1e-4, atol=1e-15)
 
 
-def test_a_batch_in_chunks_is_computed_by_compiled_code_and_equals_vmap(monkeypatch):
+def test_orbits_in_chunks_equal_vmap_and_use_compiled_code(monkeypatch):
     p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=np.linspace(1.5, 5.0, 7))
     mapped = jax.vmap(lambda xi: tpd.symmetric_orbits(dataclasses.replace(p, xi=xi)))(p.xi)
     done = []
@@ -167,7 +167,7 @@ def test_a_batch_in_chunks_is_computed_by_compiled_code_and_equals_vmap(monkeypa
         tpd.in_chunks(tpd.symmetric_orbits, one)
 
 
-def test_the_message_about_a_batch_names_calls_that_work():
+def test_the_call_in_the_message_about_a_batch_runs():
     p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=np.array([2.0, 4.0]))
     with pytest.raises(ValueError, match="must be single numbers") as refused:
         tpd.symmetric_orbits(p)

@@ -80,7 +80,7 @@ def clock(scene) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_motion_is_that_of_fifty_digits(name):
+def test_a_transient_agrees_with_a_solution_of_fifty_digits(name):
     known = CASES[name]["results"]
     scene, with_it, how = given(CASES[name])
     found = tpd.transient(scene, with_it, **how)
@@ -100,7 +100,7 @@ def test_a_motion_is_that_of_fifty_digits(name):
 
 
 @pytest.mark.parametrize("name", [n for n, c in CASES.items() if "derivatives" in c["results"]])
-def test_its_derivatives_are_those_of_fifty_digits(name):
+def test_derivatives_of_a_transient_agree_with_fifty_digits(name):
     scene, with_it, how = given(CASES[name])
     block, own = scene.block, float(CASES[name]["scene"]["scale"])
 
@@ -120,7 +120,7 @@ def test_its_derivatives_are_those_of_fifty_digits(name):
 
 
 @pytest.mark.parametrize("row", TABLE["critical"], ids=lambda row: row["name"])
-def test_critical_scales_are_those_of_fifty_digits(row):
+def test_critical_scales_agree_with_fifty_digits(row):
     s, m = row["scene"], row["motion"]
     size = GRAVITY * float(s["width"]) / float(s["height"])
     pulse = getattr(tpd.Pulse, m["kind"])(acceleration=size, frequency=float(m["frequency"]))
@@ -132,7 +132,7 @@ def test_critical_scales_are_those_of_fifty_digits(row):
 
 
 @pytest.mark.parametrize("row", TABLE["boundaries"], ids=lambda row: row["name"])
-def test_boundaries_of_the_one_sine_spectrum_are_those_of_fifty_digits(row):
+def test_boundaries_of_the_one_sine_spectrum_agree_with_fifty_digits(row):
     pieces = sine(1.0).pieces()
     xi = row["frequency_ratio"] * len(pieces)
     p = tpd.Parameters(
@@ -145,7 +145,7 @@ def test_boundaries_of_the_one_sine_spectrum_are_those_of_fifty_digits(row):
         assert np.min(np.abs(borders / float(known) - 1.0)) < 1e-9, borders
 
 
-def test_a_train_of_sines_is_the_harmonic_from_rest():
+def test_a_sine_train_equals_the_harmonic_from_rest():
     with_it = tpd.Pendulum(mass=900.0, length=1.5, damping_ratio=0.3)
     harmonic = tpd.Harmonic(amplitude=0.05, frequency=1.2)
     train = tpd.Pulse.sine_train(acceleration=0.05 * harmonic.rate**2, frequency=1.2, cycles=6)
@@ -156,7 +156,7 @@ def test_a_train_of_sines_is_the_harmonic_from_rest():
     np.testing.assert_allclose(-found.state, moved * clock(column(train)), rtol=1e-9, atol=1e-11)
 
 
-def test_a_derivative_in_the_phase_alone():
+def test_the_pga_of_a_pulse_has_a_derivative_in_its_phase():
     def pga(phase):
         return tpd.Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=1.0, cycles=2.0, phase=phase).pga
 
@@ -164,7 +164,7 @@ def test_a_derivative_in_the_phase_alone():
     assert float(jax.grad(pga)(0.3)) == pytest.approx(float(slope), rel=1e-7)
 
 
-def test_every_motion_has_a_status():
+def test_a_transient_has_the_status_stood_rocked_or_overturned():
     stood, lifted = (tpd.transient(column(sine(size))) for size in (0.999, 1.001))
     assert (named(stood), float(stood.tilt), float(stood.uplift_time)) == ("stood", 0.0, math.inf)
     assert named(lifted) == "rocked"
@@ -180,7 +180,7 @@ def test_every_motion_has_a_status():
         assert math.isnan(slope(450.0))
 
 
-def test_the_start_and_the_free_time_have_derivatives():
+def test_the_final_state_has_derivatives_in_initial_state_and_free_time():
     scene = column(tpd.Pulse.one_sine(acceleration=0.5, frequency=1.0))
 
     @jax.jit
@@ -211,7 +211,7 @@ def times_of(x, *, with_it=True, y0=None):
 @pytest.mark.parametrize(
     ("size", "with_it", "known"), [(2.1, True, [0, 1, 2, 3]), (2.1, False, [0, 3]), (8.0, True, [3])]
 )
-def test_times_have_the_derivatives_of_differences(size, with_it, known):
+def test_derivatives_of_event_times_equal_finite_differences(size, with_it, known):
     x, felt = np.array([size, 1.2375, 6.0, 450.0, 0.9]), 5 if with_it else 3
     value = jax.jit(lambda x: times_of(x, with_it=with_it))
     forward, backward = (np.asarray(d(value)(jnp.asarray(x))) for d in (jax.jacfwd, jax.jacrev))
@@ -234,7 +234,7 @@ def test_times_have_the_derivatives_of_differences(size, with_it, known):
         (8.0, (0.0, 0.0, 0.0, 0.0), (0, 1, 2, 4)),
     ],
 )
-def test_a_time_without_a_derivative_has_none_rather_than_zero(size, y0, unknown):
+def test_an_event_time_without_a_derivative_has_nan(size, y0, unknown):
     x = jnp.array([size, 1.2375, 6.0, 450.0, 0.9])
     for derivative in (jax.jacfwd, jax.jacrev):
         for slopes in derivative(lambda x, y: times_of(x, y0=y), argnums=(0, 1))(x, jnp.array(y0)):
@@ -251,7 +251,7 @@ def numbers_of(found) -> jax.Array:
 
 
 @pytest.mark.parametrize("with_it", [PENDULUM, None])
-def test_the_samples_of_a_record_have_the_derivatives_of_differences(with_it):
+def test_derivatives_in_the_samples_of_a_record_equal_finite_differences(with_it):
     rng = np.random.default_rng(2)
     samples = np.append(0.0, 2.5 * np.sin(np.linspace(0.1, 18.0, 89)) + 0.2 * rng.standard_normal(89))
 
@@ -278,7 +278,7 @@ def test_the_samples_of_a_record_have_the_derivatives_of_differences(with_it):
     assert by_width[known] == pytest.approx(quotient[known], rel=1e-5, abs=1e-6)
 
 
-def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
+def test_derivatives_in_the_shape_of_a_pulse_equal_finite_differences():
     @jax.jit
     def numbers(x):
         shape = {"cycles": x[0], "phase": x[1], "velocity": 0.6, "frequency": 1.0}
@@ -293,7 +293,7 @@ def test_the_shape_of_a_pulse_has_the_derivatives_of_differences():
         assert forward[:, j] == pytest.approx(quotient, rel=1e-6, abs=1e-8)
 
 
-def test_second_derivatives_are_refused():
+def test_second_derivatives_of_a_transient_are_nan():
     def tilt(x):
         return tpd.transient(column(sine(x[0])), bob(length=x[1])).tilt
 
@@ -319,7 +319,7 @@ def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
 @pytest.mark.parametrize(
     ("motion", "with_it"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), PENDULUM)]
 )
-def test_nonlinear_motions_are_those_of_the_batch(motion, with_it):
+def test_a_nonlinear_transient_equals_its_row_of_a_batch(motion, with_it):
     found = tpd.transient(column(motion), with_it, model=tpd.Nonlinear(rtol=1e-8))
     batch = follow_scaled(
         COLUMN, (with_it,), [motion], np.ones((1, 1)), free=20.0, equations=tpd.Terms.nonlinear
@@ -332,7 +332,7 @@ def test_nonlinear_motions_are_those_of_the_batch(motion, with_it):
     assert (float(found.swing) > 0.01) == (with_it is not None)
 
 
-def test_nonlinear_motions_tend_to_the_linear_ones_of_slender_blocks():
+def test_nonlinear_transients_of_slender_blocks_tend_to_the_linear_ones():
     names, errors = ("tilt", "tilt_time", "swing", "rod_angle", "swing_time", "rod_angle_time"), []
     for nu in (0.02, 0.01):
         block = tpd.Block(width=6.0 * nu, height=6.0, mass=9000.0, friction=0.0, restitution=0.95)
@@ -346,7 +346,7 @@ def test_nonlinear_motions_tend_to_the_linear_ones_of_slender_blocks():
     assert np.log2(np.array(errors[0]) / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
+def test_derivatives_of_a_nonlinear_transient_are_nan():
     names = ("tilt", "swing", *TIMES)
 
     def numbers(length, y0):
@@ -358,7 +358,7 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
     assert np.all(np.isnan(jax.jacrev(numbers)(2.0, jnp.zeros(4))))
 
 
-def test_a_nonlinear_motion_has_a_status():
+def test_a_nonlinear_transient_has_the_status_stood_rocked_or_overturned():
     def end(motion, with_it=PENDULUM, **how):
         found = tpd.transient(column(motion), with_it, model=tpd.Nonlinear(), **how)
         return found, (named(found), float(found.tilt))
@@ -373,7 +373,7 @@ def test_a_nonlinear_motion_has_a_status():
 
 @pytest.mark.parametrize("nonlinear", [True, False])
 @pytest.mark.parametrize("with_it", [None, PENDULUM])
-def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
+def test_the_time_of_overturning_equals_the_event_loop(nonlinear, with_it):
     for way in (-1.0, 1.0):
         samples = way * (3.0 + 2.0 * np.random.default_rng(0).normal(size=12))
         record = tpd.Record(np.array([0.0, *samples, 0.0]), 0.1)
@@ -399,7 +399,7 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
 
 
 @pytest.mark.parametrize("nonlinear", [True, False])
-def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonlinear):
+def test_the_time_of_overturning_under_a_harmonic_equals_the_event_loop(nonlinear):
     train = tpd.Pulse.sine_train(acceleration=0.5 * GRAVITY, frequency=0.8, cycles=6)
     scene = column(train)
     found = tpd.transient(scene, PENDULUM, model=tpd.Nonlinear(rtol=1e-10) if nonlinear else None)
@@ -414,13 +414,13 @@ def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonl
     assert float(found.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-7)
 
 
-def test_a_block_that_lies_from_the_beginning_overturns_at_once():
+def test_a_block_that_begins_beyond_the_toppling_angle_overturns_at_once():
     found = tpd.transient(column(sine(2.0)), model=tpd.Nonlinear(), y0=np.array([1.6, 0.0, 0.0, 0.0]))
     # The bisection ends at a number of rounding.
     assert (named(found), float(found.overturning_time)) == ("overturned", pytest.approx(0.0, abs=1e-15))
 
 
-def test_a_model_that_does_not_fit_is_one_sentence():
+def test_a_model_without_transients_is_rejected_in_one_sentence():
     scene = tpd.Scene(COLUMN, sine(2.0))
     # A checker of types refuses these before this, where there is one.
     for model, words in (
@@ -432,7 +432,7 @@ def test_a_model_that_does_not_fit_is_one_sentence():
             _follow(model, scene.ground_parameters(), None, 0.0, None, 1)
 
 
-def test_bad_input_is_one_sentence():
+def test_an_excitation_of_the_wrong_kind_is_rejected_in_one_sentence():
     harmonic = tpd.Scene(COLUMN, tpd.Harmonic(amplitude=0.01, frequency=2.0))
     with pytest.raises(ValueError, match="harmonics are for"):
         tpd.transient(harmonic)

@@ -38,7 +38,7 @@ def free_block(**losses):
     "losses",
     [{"restitution": 0.95}, {"friction": 0.02, "restitution": 1.0}, {"friction": 0.02, "restitution": 0.95}],
 )
-def test_turns_of_a_free_block_are_those_of_the_exact_solution(losses):
+def test_turning_tilts_of_free_rocking_equal_the_simulated_ones(losses):
     """The exact solution of the linear equations from a tilt of a tenth of nu, without shaking."""
     scene = free_block(**losses)
     p = as_arrays(scene.parameters())
@@ -52,14 +52,14 @@ def test_turns_of_a_free_block_are_those_of_the_exact_solution(losses):
     assert np.all(tilt[:, 1] >= tilt[:, [0, 2]].max(axis=1))
 
 
-def test_friction_holds_a_block_beyond_its_reach():
+def test_a_block_that_friction_holds_has_no_free_rocking():
     held = pull_test(free_block(friction=0.24, restitution=1.0))
     assert (held.impacts, np.isnan(held.seconds)) == (0, True)
     with pytest.raises(ValueError, match="`tilt`"):
         turning_tilts(0.25, 0.24, 1.0, 0.025, 3)
 
 
-def test_the_pull_test_waits_for_half_of_the_tilt():
+def test_the_pull_test_counts_the_impacts_until_half_of_the_tilt():
     """e = 0.9 takes 1 - 0.81^n of the energy, which for a tenth of nu is nearly in proportion to the tilt."""
     found = pull_test(free_block(restitution=0.9))
     assert found.tilt == pytest.approx(0.025)
@@ -70,7 +70,7 @@ def test_the_pull_test_waits_for_half_of_the_tilt():
     assert (none.impacts, np.isnan(none.seconds)) == (0, True)
 
 
-def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
+def test_loads_are_the_largest_of_the_surviving_runs():
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.95)
     with_it = tpd.Pendulum(mass=900.0, length=0.7, damping_ratio=0.3)
     weak, strong, fatal = (
@@ -117,14 +117,14 @@ def test_parts_withstand_the_largest_loads(harmonic):
     assert (unknown.arm, np.isnan(unknown.stop_force)) == (0.3, True)
 
 
-def test_without_a_motion_that_is_withstood_the_loads_are_those_of_a_swing():
+def test_without_a_surviving_run_the_loads_come_from_a_free_swing():
     """From 60 degrees the bob falls by half of its rod: the tension is twice the weight."""
     found = free_swing(tpd.Pendulum(mass=100.0, length=2.0, damping_ratio=0.1), np.pi / 3.0, 10.0)
     assert found[:3] == pytest.approx((2000.0, 2000.0, np.sqrt(5.0)))
     assert (np.isnan(found.friction), found.motions) == (True, 0)
 
 
-def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
+def test_a_design_as_built_has_the_rod_of_the_real_bob(harmonic, rejected):
     found, with_it = build_of(harmonic), harmonic.pendulum
     g = float(SCENE.gravity)
     assert found.frequency == pytest.approx(np.sqrt(g / with_it.length) / (2.0 * np.pi))
@@ -143,7 +143,7 @@ def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
     assert build_of(rejected) is None
 
 
-def test_the_benefit_is_compared_on_both_sides_of_what_is_stated(harmonic, rejected):
+def test_the_sensitivity_varies_each_quantity_to_both_sides(harmonic, rejected):
     found = {s.name: s for s in sensitivity_of(harmonic)}
     assert set(found) == {
         "",
@@ -165,7 +165,7 @@ def test_the_benefit_is_compared_on_both_sides_of_what_is_stated(harmonic, rejec
     assert sensitivity_of(rejected) == losses_of(rejected) == ()
 
 
-def test_a_narrower_base_is_a_smaller_slenderness_with_the_same_walls(harmonic, rejected):
+def test_worn_edges_reduce_the_slenderness_and_keep_the_walls(harmonic, rejected):
     whole, narrow = bases_of(harmonic)
     assert whole.benefit == sensitivity_of(harmonic)[0].low
     np.testing.assert_allclose(narrow.with_pendulum.nu, 0.9 * np.asarray(whole.with_pendulum.nu), rtol=1e-12)
@@ -173,7 +173,7 @@ def test_a_narrower_base_is_a_smaller_slenderness_with_the_same_walls(harmonic, 
     assert bases_of(rejected) == ()
 
 
-def test_on_ground_motions_the_comparison_is_of_the_motions_that_are_held_out(ground):
+def test_the_sensitivity_under_records_uses_the_validation_records(ground):
     found = {s.name: s for s in sensitivity_of(ground)}
     assert set(found) == {
         "",
@@ -191,7 +191,7 @@ def test_on_ground_motions_the_comparison_is_of_the_motions_that_are_held_out(gr
         ("housner", 0.03, 0.03, "housner"),
     ],
 )
-def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, friction, impacts):
+def test_each_loss_model_dissipates_as_much_energy_as_the_block(e, k, friction, impacts):
     scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=e, friction=k))
     p = scene.parameters()
     friction = float(equivalent_friction(p, p.nu / 3.0)) if friction is None else friction
@@ -203,14 +203,14 @@ def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, fri
     }
 
 
-def test_time_histories_are_from_rest_with_and_without_the_pendulum():
+def test_time_histories_begin_at_rest_for_both_cases():
     found = time_histories(SCENE, PENDULUM)
     assert [h.with_pendulum for h in found] == [False, True]
     assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
 
 
-def test_details_are_printed_as_a_table_of_a_few_lines():
+def test_details_print_a_table_of_less_than_25_lines():
     found = details(designs.harmonic_design())
     lines = str(found).splitlines()
     assert repr(found) == str(found)
@@ -236,7 +236,7 @@ def test_a_time_history_lasts_until_the_block_overturns():
     assert np.isfinite(with_pendulum.tilt).all()
 
 
-def test_losses_of_a_block_do_not_depend_on_the_kind_of_its_motion():
+def test_loss_models_do_not_depend_on_the_excitation():
     scene = free_block(restitution=0.95)
     in_earthquake = Scene(scene.block, tpd.records.el_centro())
     assert loss_models(in_earthquake) == loss_models(scene)

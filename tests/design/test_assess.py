@@ -17,7 +17,7 @@ from tpd.records.intensity import spectral_acceleration
 FEW = tpd.Ensemble(size=64, periods=30)
 
 
-def test_a_statue_far_below_uplift_needs_nothing():
+def test_a_statue_below_uplift_is_assessed_without_runs():
     # 0.058 g, and uplift at 0.326 g.
     statue = tpd.Block(width=0.5, height=1.5333, mass=900.0)
     motion = tpd.Harmonic(amplitude=0.058 * 9.80665 / (2 * math.pi * 2.0) ** 2, frequency=2.0)
@@ -33,7 +33,7 @@ def test_a_statue_far_below_uplift_needs_nothing():
     assert "an excitation that is 5.6 times as strong would lift it" in verdict
 
 
-def test_a_block_that_slides_first_is_not_followed():
+def test_a_block_that_slides_before_uplift_is_not_simulated():
     block = dataclasses.replace(SCENE.block, base_friction=0.1)
     found = tpd.assess(dataclasses.replace(SCENE, block=block))
     assert found.runs is None
@@ -41,7 +41,7 @@ def test_a_block_that_slides_first_is_not_followed():
     assert "It slides at 0.1 g, and lifts at 0.3 g." in found.verdict
 
 
-def test_the_runs_are_those_of_the_validation_without_a_pendulum():
+def test_assess_simulates_the_validation_runs_without_a_pendulum():
     found = tpd.assess(SCENE, ensemble=FEW, seed=3)
     problem = found.problem
     assert problem.needs_none is None
@@ -56,7 +56,7 @@ def test_the_runs_are_those_of_the_validation_without_a_pendulum():
     assert "ROCKS, AND DOES NOT OVERTURN in any of 32 runs" in weak.verdict
 
 
-def test_the_runs_are_those_that_the_answer_of_optimise_quotes():
+def test_assess_and_optimise_report_equal_runs_without_pendulum():
     design = designs.harmonic_design()
     settings = {name: designs.SMALL[name] for name in ("conditions", "ensemble", "limits")}
     found, quoted = tpd.assess(SCENE, **settings).runs, design.runs.without_pendulum
@@ -70,7 +70,7 @@ def test_the_runs_are_those_that_the_answer_of_optimise_quotes():
     np.testing.assert_array_equal(found.cluster, quoted.cluster)
 
 
-def test_ground_motions_are_followed_at_all_scales():
+def test_assess_simulates_every_record_at_every_level():
     asked = {k: x for k, x in designs.GROUND.items() if k not in ("limits", "space")}
     found = tpd.assess(designs.BLOCK, **asked)
     motions = sum(len(g.motions) for g in found.problem.groups)
@@ -78,7 +78,7 @@ def test_ground_motions_are_followed_at_all_scales():
 
 
 @pytest.mark.parametrize("share", [1.0, 0.9])
-def test_alternatives_are_those_of_statics(share):
+def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
     block = dataclasses.replace(SCENE.block, effective_width=share)
     scene = dataclasses.replace(SCENE, block=block)
     problem = problem_of(scene, conditions=tpd.Conditions.exactly(), limits=())
@@ -97,7 +97,7 @@ def test_alternatives_are_those_of_statics(share):
     assert alternatives(calm).tie == 0.0
 
 
-def test_isolation_from_ground_motions_is_that_of_the_response_spectrum():
+def test_the_isolation_period_follows_from_the_response_spectrum():
     conditions = tpd.Conditions.records([tpd.records.el_centro()], (1.5,))
     problem = problem_alone(designs.BLOCK, conditions=conditions)
     found, alone = alternatives(problem), problem.at_rest
@@ -119,7 +119,7 @@ PAIR = {
 }
 
 
-def test_the_isolation_period_is_solved_for_over_all_records():
+def test_the_isolation_period_is_the_largest_of_all_records():
     """Independent: a sweep over 1200 periods gives 1.3 s for the pair."""
     found = alternatives(problem_of(STATUE, limits=(), **PAIR))
     assert sorted(found.periods) == pytest.approx([0.974, 1.295], abs=1e-3)
@@ -137,7 +137,7 @@ def test_the_isolation_period_is_solved_for_over_all_records():
     assert said in str(found)
 
 
-def test_each_record_counts_at_its_own_size():
+def test_the_isolation_period_depends_on_the_size_of_each_record():
     weak, strong = tpd.records.el_centro().scaled(1.2), tpd.records.el_centro().scaled(1.8)
     conditions = tpd.Conditions.records([weak, strong], [1.0], intensity="scale")
     periods = alternatives(problem_alone(STATUE, conditions=conditions)).periods
@@ -147,7 +147,7 @@ def test_each_record_counts_at_its_own_size():
     assert periods[0] < periods[1]
 
 
-def test_records_of_the_validation_count_for_the_block_at_rest():
+def test_the_uplift_check_includes_the_validation_records():
     strong, weak = tpd.records.el_centro(), tpd.records.loma_prieta().scaled(0.1)
     conditions = tpd.Conditions.records([weak], [1.5], intensity="scale")
     problem = problem_of(STATUE, conditions=conditions, limits=(), validation_share={"strong": [strong]})

@@ -12,7 +12,7 @@ from tpd.design.optimise import solve_problem
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 
 
-def test_a_recommended_design_offers_its_pendulum_and_quotes_its_runs(harmonic):
+def test_a_recommended_design_has_a_pendulum_and_its_validation_runs(harmonic):
     best = harmonic.best
     assert best is harmonic.validated[-1]
     assert harmonic.runs is best.quoted
@@ -27,7 +27,7 @@ def test_a_recommended_design_offers_its_pendulum_and_quotes_its_runs(harmonic):
     assert [line.split()[0] for line in lines[1:]] == ["pendulum", "benefit", "overturned"]
 
 
-def test_usage_is_the_quantile_that_the_allowed_share_exceeds(harmonic, ground):
+def test_utilisation_is_the_quantile_that_the_allowed_share_of_runs_exceeds(harmonic, ground):
     runs = ground.problem.sizes_in_runs(ground.best.design, ground.runs.with_pendulum)["stroke"]
     assert np.mean(runs > ground.usage["stroke"]) <= ground.problem.allowed
     assert np.mean(runs >= ground.usage["stroke"]) > ground.problem.allowed
@@ -36,7 +36,7 @@ def test_usage_is_the_quantile_that_the_allowed_share_exceeds(harmonic, ground):
     assert harmonic.usage["reserve"] == harmonic.problem.fixed_sizes(best.design[None])["reserve"][0]
 
 
-def test_of_rejected_designs_the_one_that_misses_least_is_shown(rejected):
+def test_the_best_rejected_design_has_the_smallest_violation(rejected):
     misses = [sum(r.shortfall for r in v.reasons) for v in rejected.validated]
     assert rejected.best is rejected.validated[int(np.argmin(misses))]
     assert rejected.runs is rejected.best.decided
@@ -54,7 +54,7 @@ def test_of_rejected_designs_the_one_that_misses_least_is_shown(rejected):
     assert dataclasses.replace(rejected, validated=(far, early)).is_harmful
 
 
-def test_a_problem_without_an_answer_has_no_numbers():
+def test_a_design_without_a_pendulum_has_no_numbers():
     found = solve_problem(NoisyProblem.of(calm=True))
     assert (found.pendulum, found.best, found.runs, found.benefit, found.nearest) == (None,) * 5
     assert (found.refusals, found.usage, found.is_harmful, found.swing) == ((), {}, False, 0.0)
@@ -62,7 +62,7 @@ def test_a_problem_without_an_answer_has_no_numbers():
     assert str(found) == DesignStatus.no_uplift.value
 
 
-def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
+def test_without_a_feasible_design_the_nearest_trial_is_printed():
     found = solve_problem(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
     i = int(np.argmin(found.trials.sizes.max(axis=1)))
     np.testing.assert_array_equal(found.nearest, found.trials.designs[i])
@@ -72,7 +72,7 @@ def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
     assert found.risks[1] == found.trials.without_pendulum
 
 
-def test_only_harmonic_designs_have_exact_motions_and_compared_models(harmonic, ground):
+def test_only_harmonic_designs_have_settled_motions_and_a_model_check(harmonic, ground):
     without_pendulum, with_pendulum = harmonic.exact_motions
     assert without_pendulum is harmonic.problem.without_pendulum
     assert with_pendulum is harmonic.best.exact
@@ -81,7 +81,7 @@ def test_only_harmonic_designs_have_exact_motions_and_compared_models(harmonic, 
     assert {"exact", "nonlinear"} <= {model.name for model in compared.models}
 
 
-def test_a_design_that_is_tuned_only_claims_no_benefit(ground):
+def test_a_design_without_validation_records_claims_no_benefit(ground):
     tuned = dataclasses.replace(ground, status=DesignStatus.tuned_only)
     assert tuned.pendulum is not None
     assert tuned.benefit is None
@@ -91,7 +91,7 @@ def test_a_design_that_is_tuned_only_claims_no_benefit(ground):
     assert ground.swing == quantile_of(ground.rod_angle, 0.9)
 
 
-def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
+def test_the_arguments_of_a_design_define_an_equal_problem(harmonic, ground):
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.05))
     again = harmonic.again(space=space)
     assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
@@ -99,7 +99,7 @@ def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
     assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}
 
 
-def test_a_no_names_the_inputs_that_could_change_it():
+def test_a_rejection_lists_the_inputs_that_could_change_it():
     fixed = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=0.1)
     found = solve_problem(NoisyProblem.of(space=fixed, limits=(tpd.limits.Stroke(0.1),)))
     assert found.pendulum is None

@@ -10,7 +10,7 @@ from tpd.design.optimise import problem_of
 from tpd.theory import relative_length
 
 
-def test_the_rod_of_a_harmonic_is_that_of_the_lightest_pendulum_without_uplift(harmonic):
+def test_the_first_guess_under_a_harmonic_is_the_lightest_pendulum_without_uplift(harmonic):
     problem = harmonic.problem
     guess = first_guess(problem)
     excitation, pendulum = problem.scene.excitation, problem.pendulum(guess)
@@ -24,12 +24,12 @@ def test_the_rod_of_a_harmonic_is_that_of_the_lightest_pendulum_without_uplift(h
     assert heavier[0] > problem.space.ends[1, 0] or not problem.possible(heavier[None])[0]
 
 
-def test_the_guess_is_one_of_the_trials(harmonic):
+def test_the_first_guess_is_one_of_the_trial_designs(harmonic):
     design = harmonic
     assert np.isclose(design.trials.designs, first_guess(design.problem)).all(axis=1).any()
 
 
-def test_the_rod_for_earthquakes_is_slower_than_the_ground_motion():
+def test_the_first_guess_for_records_has_a_longer_period_than_the_ground_motion():
     problem = problem_of(BLOCK, **GROUND)
     guess = first_guess(problem)
     motions = [m for m in problem.conditions.motions if not isinstance(m, tpd.Harmonic)]
@@ -40,7 +40,7 @@ def test_the_rod_for_earthquakes_is_slower_than_the_ground_motion():
     assert problem.possible(guess[None], swing=0.5)[0]
 
 
-def test_a_space_without_the_length_of_the_rule_has_no_guess(harmonic):
+def test_a_space_that_excludes_the_length_of_the_rule_has_no_first_guess(harmonic):
     problem = harmonic.problem
     space = tpd.DesignSpace(length_ratio=(0.01, 0.02))
     shorter = problem_of(problem.scene, space=space, limits=problem.limits)

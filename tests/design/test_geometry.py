@@ -8,7 +8,7 @@ import tpd
 from tpd.design.geometry import Geometry
 
 
-def test_the_distance_of_the_walls_follows_the_cavity_and_the_slenderness():
+def test_the_wall_distance_scales_with_cavity_width_and_slenderness():
     scene, slenderness = tpd.paper_scene(), np.array([1.0, 0.97])
     block = dataclasses.replace(scene.block, cavity_width=0.06)
     narrow = Geometry.of(

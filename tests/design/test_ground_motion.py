@@ -31,7 +31,7 @@ def problem(motions=RECORDS, scales=(1.3, 2.0, 5.0), block=BLOCK, **given) -> Gr
     )
 
 
-def test_an_earthquake_is_on_one_side_only():
+def test_search_and_validation_records_share_no_earthquake():
     for seed in range(5):
         tuned, held = grouped(RECORDS, 0.5, seed)
         assert (tuned.role, held.role) == (Role.tuned, Role.validation)
@@ -67,12 +67,12 @@ def test_an_earthquake_has_one_number_in_all_groups():
         (RECORDS[:10], {"a": RECORDS[:18]}, "too_few"),
     ],
 )
-def test_five_earthquakes_on_either_side_are_needed_for_a_verdict(motions, validation_share, evidence):
+def test_a_verdict_needs_five_earthquakes_for_search_and_for_validation(motions, validation_share, evidence):
     assert problem(motions, validation_share=validation_share).evidence is DesignStatus[evidence]
 
 
 @pytest.mark.parametrize(("earthquakes", "divided"), [(79, False), (80, True)])
-def test_half_of_many_validation_earthquakes_is_quoted_and_does_not_decide(earthquakes, divided):
+def test_many_validation_earthquakes_are_divided_into_two_halves(earthquakes, divided):
     made = problem(RECORDS)
     tuned, held = made.groups
     events = 100 + np.arange(len(held.motions)) % earthquakes
@@ -87,7 +87,7 @@ def test_half_of_many_validation_earthquakes_is_quoted_and_does_not_decide(earth
     )
 
 
-def test_the_problem_is_that_of_the_group_that_is_tuned_to():
+def test_the_conditions_of_a_problem_contain_the_search_records_only():
     made = problem(seed=3)
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
@@ -105,7 +105,7 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     assert not np.array_equal(one, two)
 
 
-def test_trial_runs_are_single_motions():
+def test_trial_runs_equal_single_transients():
     # Without scatter, which the trials share with the validation runs.
     made = problem(RECORDS[:4], validation_share=0.0, ensemble=UNSCATTERED)
     found, with_it = made.trial_runs(DESIGN, 0), made.pendulum(DESIGN)
@@ -126,7 +126,7 @@ def test_trial_runs_are_single_motions():
     np.testing.assert_array_equal(alone.nu, found.nu)
 
 
-def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
+def test_limits_apply_to_all_but_the_allowed_share_of_surviving_runs():
     made = problem(RECORDS[:4], validation_share=0.0)
     runs = made.trial_runs(DESIGN, 0)
     sizes = made.sizes_in_runs(DESIGN, runs)
@@ -139,7 +139,7 @@ def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
     assert name in sizes
 
 
-def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
+def test_both_cases_of_a_validation_run_have_equal_scatter():
     made = problem(ensemble=tpd.Ensemble(restitution=0.02))
     found = made.paired_runs(DESIGN, 5)
     assert found.labels == ("search records", "validation records")
@@ -157,7 +157,7 @@ def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
     np.testing.assert_allclose(more.with_pendulum.mu, 1.5 * found.with_pendulum.mu)
 
 
-def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
+def test_runs_without_a_result_count_neither_as_overturned_nor_as_rest(monkeypatch):
     made = problem(RECORDS[:4], validation_share=0.0)
     whole = made.paired_runs(DESIGN, 5)
     monkeypatch.setattr("tpd.design.ground_motion.MAX_EVENTS", 160)
@@ -171,7 +171,7 @@ def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
     assert len(few.ends) == 2
 
 
-def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block_stands():
+def test_the_strongest_records_have_the_largest_rod_angle_of_surviving_runs():
     made = problem(RECORDS[:4], validation_share=0.0, ensemble=UNSCATTERED)
     runs, found = made.trial_runs(DESIGN, 0), made.strongest_motions(DESIGN)
     assert len(found) == runs.stands.sum()
@@ -196,13 +196,13 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
         ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the smallest point mass"),
     ],
 )
-def test_settings_without_effect_or_sense_are_rejected(given, message):
+def test_settings_without_effect_or_out_of_range_are_rejected(given, message):
     with pytest.raises(ValueError, match=message):
         problem(**given)
 
 
 @pytest.mark.parametrize("name", ["designs", "steps"])
-def test_counts_of_trials_are_checked(name):
+def test_a_negative_number_of_trials_is_rejected(name):
     with pytest.raises(ValueError, match=f"`{name}` must be a whole number"):
         tpd.GroundSearch(**{name: -1})
     assert GROUND["method"].designs == 6
@@ -212,7 +212,7 @@ COLUMN = tpd.Block(width=0.9, height=6.0, mass=2500.0, restitution=0.93, cavity_
 
 
 @pytest.mark.parametrize(("count", "scales"), [(6, (1.5, 2.5)), (12, (2.0,))])
-def test_few_records_keep_the_clearance(count, scales):
+def test_a_search_with_few_records_keeps_the_limit_on_clearance(count, scales):
     conditions = tpd.Conditions.records([noise(i) for i in range(count)], scales)
     found = tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(designs=16, steps=8))
     assert 0 < found.trials.feasible.sum() < len(found.trials.feasible)
@@ -237,7 +237,7 @@ def with_hazard(hazard=SITE, scales=(1.3, 2.0, 5.0), **given) -> GroundMotionPro
     return GroundMotionProblem.of(BLOCK, conditions, ensemble=UNSCATTERED, **given)
 
 
-def test_annual_rates_are_those_of_the_counted_validation_runs():
+def test_annual_rates_come_from_the_counted_validation_runs():
     p = with_hazard()
     runs = p.paired_runs(DESIGN, 0)
     rates = runs.annual_rates
@@ -254,7 +254,7 @@ def test_annual_rates_are_those_of_the_counted_validation_runs():
     assert (alone.earthquakes, alone.ratio) == (10, None)
 
 
-def test_without_a_hazard_one_sentence_explains_how_to_state_it():
+def test_without_a_hazard_one_sentence_explains_the_annual_rate():
     assert with_hazard(None).yearly(None) == (HOW_TO,)
     assert with_hazard(None).paired_runs(DESIGN, 0).annual_rates is None
     # A single level determines no curve.
@@ -270,7 +270,7 @@ def test_the_hazard_must_have_the_intensity_of_the_scales():
 RATE = tpd.limits.Requirements(reduce="rate")
 
 
-def test_a_lower_rate_can_be_required_only_with_a_hazard_and_three_levels():
+def test_a_required_rate_needs_a_hazard_and_three_levels():
     assert with_hazard(requirements=RATE).requirements.reduce == "rate"
     message = "`reduce` can be rate only with a hazard and 3 levels or more, but there are "
     for given, have in (
@@ -283,7 +283,7 @@ def test_a_lower_rate_can_be_required_only_with_a_hazard_and_three_levels():
         tpd.optimise(tpd.paper_scene(), limits=tpd.limits.POINT_BOB, requirements=RATE)
 
 
-def test_a_required_rate_decides():
+def test_a_required_rate_determines_the_verdict():
     p = with_hazard(requirements=RATE, limits=(tpd.limits.Stroke(1.5),))
     result = validate(p, DESIGN)
     assert result.measure == "rate"
@@ -293,7 +293,7 @@ def test_a_required_rate_decides():
     assert "rate of overturning" in words.reduced(result.decided, "rate")
 
 
-def test_a_problem_with_a_hazard_is_a_job():
+def test_the_job_of_a_problem_contains_its_hazard():
     motions = [tpd.records.el_centro(), tpd.records.loma_prieta()]
     hazard = tpd.Hazard(levels=[0.980665, 4.903325], rates=[0.02, 1e-3])
     conditions = tpd.Conditions.records(motions, (1.5, 2.0), hazard=hazard)
@@ -302,7 +302,7 @@ def test_a_problem_with_a_hazard_is_a_job():
 
 
 @pytest.mark.parametrize("names", ["named", "nameless", "groups"])
-def test_the_order_of_the_records_changes_nothing(names):
+def test_the_design_does_not_depend_on_the_order_of_the_records(names):
     """Designs and numbers agree in every bit."""
     motions = RECORDS[:12] if names != "nameless" else [noise(i) for i in range(12)]
     order = np.random.default_rng(3).permutation(12)
@@ -331,5 +331,5 @@ def test_the_order_of_the_records_changes_nothing(names):
 
 
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
-def test_a_spectrum_below_or_above_an_acceleration_everywhere_has_no_root(acceleration, expected):
+def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected

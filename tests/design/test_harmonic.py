@@ -23,7 +23,7 @@ def problem(scene=SCENE, **given) -> HarmonicProblem:
     return HarmonicProblem.of(scene, **given)
 
 
-def test_defaults_are_a_neighbourhood_and_all_limits():
+def test_default_conditions_surround_the_excitation_and_default_limits_are_complete():
     made = problem()
     around = tpd.Conditions.around(SCENE)
     np.testing.assert_array_equal(made.conditions.factor_rows(), around.factor_rows())
@@ -41,7 +41,7 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
     assert [limit.name for limit in made.run_limits] == ["stroke", "clearance"]
 
 
-def test_impacts_are_smoothed_unless_they_lose_nearly_all():
+def test_the_search_uses_the_linear_model_if_restitution_is_nearly_zero():
     assert isinstance(problem(LOSSY).model, tpd.Smoothed)
     almost = dataclasses.replace(LOSSY.block, restitution=0.05)
     assert isinstance(problem(tpd.Scene(almost, SCENE.excitation)).model, tpd.Piecewise)
@@ -70,7 +70,7 @@ def test_bad_input_is_rejected(given, message):
         problem(**given)
 
 
-def test_exact_motions_are_those_of_the_steady_state():
+def test_settled_tilts_of_a_problem_equal_the_steady_state():
     made = problem(conditions=BAND, **POINT)
     found = made.exact(DESIGN)
     for i, factor in enumerate(BAND.column("frequency")):
@@ -88,7 +88,7 @@ def test_exact_motions_are_those_of_the_steady_state():
     assert hard.settled_tilt[1] == hard.settled_swing[1] == hard.tilt[1] == np.inf
 
 
-def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
+def test_a_block_needs_no_pendulum_only_if_it_rests_under_all_conditions():
     # The block lifts at nu + k = 0.3, and the excitation has 0.377 (more digits below).
     size = float(SCENE.parameters().f)
     for factors, rests in (((0.03, 0.06), True), ((0.5, 0.79), True), ((0.03, 0.8), False)):
@@ -101,7 +101,7 @@ def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
     )
 
 
-def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
+def test_sizes_without_runs_are_ratios_of_orbit_and_bob_to_their_limits():
     limits = (tpd.limits.Reserve(20.0), tpd.limits.Clearance(), tpd.limits.Worsening())
     made = problem(space=WIDE, conditions=BAND, limits=limits)
     found = made.fixed_sizes(np.array([DESIGN, [0.05, 1.95, 0.2]]))
@@ -114,7 +114,7 @@ def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
     assert set(made.sizes_in_runs(DESIGN, runs)) == {"clearance", "thickness", "depth"}
 
 
-def test_candidates_are_ends_of_descents_and_designs_of_the_whole_space():
+def test_candidates_contain_descent_results_and_samples_of_the_whole_space():
     few = tpd.Descent(searches=2, screening=16, steps=2, finish=1, model=tpd.Piecewise())
     conditions = tpd.Conditions.scatter(66, 0, friction=0.1)
     made = problem(space=WIDE, conditions=conditions, method=few, **POINT)
@@ -126,7 +126,7 @@ def test_candidates_are_ends_of_descents_and_designs_of_the_whole_space():
     assert np.all((designs >= low - 1e-12) & (designs <= high + 1e-12))
 
 
-def test_trial_runs_are_of_the_linear_equations_and_of_their_seed():
+def test_trial_runs_use_the_linear_equations_and_their_seed():
     made = problem(conditions=BAND, **POINT)
     one, again, other = (made.trial_runs(DESIGN, seed) for seed in (1, 1, 2))
     assert (one.equations, len(one.tilt), one.seed) == ("linear", 32, 1)
@@ -137,7 +137,7 @@ def test_trial_runs_are_of_the_linear_equations_and_of_their_seed():
     assert made.value_of(one) == pytest.approx(np.mean(one.severity))
 
 
-def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
+def test_validation_runs_use_half_of_the_ensemble_and_the_nonlinear_equations():
     events, made = [], problem(conditions=BAND, requirements=tpd.limits.Requirements(worse=0.2), **POINT)
     found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))
     assert found.with_pendulum.equations == found.without_pendulum.equations == "nonlinear"
@@ -151,7 +151,7 @@ def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
     assert linear.with_pendulum.mu[0] == pytest.approx(1.5 * 0.15)
 
 
-def test_the_motions_of_the_largest_bob_angle_come_first():
+def test_excitations_are_ordered_by_the_bob_angle():
     """Not the strongest excitation, but the one near the pendulum's own frequency."""
     made = problem(conditions=BAND, **POINT)
     swing = made.orbits.evaluate(DESIGN[None]).swing[0]
@@ -177,7 +177,7 @@ SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
     ],
     ids=lambda conditions: " * ".join(conditions.description) or "exactly",
 )
-def test_a_job_file_gives_the_same_conditions(conditions, tmp_path):
+def test_a_job_file_keeps_the_conditions_of_its_problem(conditions, tmp_path):
     path = tmp_path / "job.toml"
     made = HarmonicProblem.of(SCENE, conditions=conditions, limits=tpd.limits.POINT_BOB)
     path.write_text(made.job.toml, encoding="utf-8")
@@ -187,6 +187,6 @@ def test_a_job_file_gives_the_same_conditions(conditions, tmp_path):
 
 
 @pytest.mark.parametrize("conditions", [THREE * THREE, tpd.Conditions.around(SCENE, count=7)])
-def test_conditions_without_a_table_cannot_be_written(conditions):
+def test_conditions_that_a_job_file_cannot_express_are_rejected(conditions):
     with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
         _ = HarmonicProblem.of(SCENE, conditions=conditions).job

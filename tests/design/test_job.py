@@ -72,7 +72,7 @@ JOBS = {
 
 
 @pytest.mark.parametrize("given", JOBS.values(), ids=JOBS)
-def test_a_job_that_is_written_is_read_back_as_the_same_job(given):
+def test_a_written_job_file_defines_an_equal_job(given):
     job = jobs.job_of(given)
     assert jobs.job_of(tomllib.loads(job.toml)) == job
     assert jobs.job_of(json.loads(json.dumps(job.tables))) == job
@@ -94,7 +94,7 @@ def test_jobs_that_differ_are_not_equal():
     assert all(a != b for i, a in enumerate(every) for b in every[:i])
 
 
-def test_without_tables_the_job_is_that_of_the_papers_block():
+def test_an_empty_job_file_describes_the_block_of_the_paper():
     job = jobs.job_of({})
     assert (job.scene, job.space, job.conditions) == (tpd.paper_scene(), DesignSpace(), None)
     assert len(conditions(job)) == 10
@@ -110,7 +110,7 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert job.seed == 0
 
 
-def test_tables_become_objects():
+def test_each_table_of_a_job_becomes_an_object():
     exactly = jobs.job_of(EXACTLY)
     assert len(conditions(exactly)) == 1
     assert exactly.limits == (limits.Stroke(), limits.Reserve())
@@ -128,7 +128,7 @@ def test_tables_become_objects():
     assert job.risk == tpd.Risk.cvar(0.2)
 
 
-def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is_meant():
+def test_a_job_accepts_defaults_without_effect_and_integers_for_floats():
     listed = {
         "conditions": {"frequencies": 20, "samples": 64},
         "search": {"risk": "worst", "risk_share": 0.1},
@@ -203,7 +203,7 @@ def test_a_hazard_of_a_job_has_accelerations_in_g_and_belongs_to_its_conditions(
     assert jobs.job_of({"excitation": RECORDS}).hazard is None
 
 
-def test_the_kind_of_motion_follows_from_its_keys():
+def test_the_keys_of_a_job_determine_the_kind_of_excitation():
     assert jobs.job_of({}).kind == "harmonic"
     pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
     assert pulse.kind == "pulse"
@@ -221,7 +221,7 @@ def test_the_kind_of_motion_follows_from_its_keys():
         assert getattr(job, name) == getattr(asked, name), name
 
 
-def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatch):
+def test_paths_are_relative_to_the_job_file_and_written_as_absolute(tmp_path, monkeypatch):
     text = "".join(f"{0.01 * i:.2f},{0.3 * np.sin(0.08 * i):.6f}\n" for i in range(100))
     (tmp_path / "there" / "quake").mkdir(parents=True)
     (tmp_path / "there" / "quake" / "one.csv").write_text("time (s),acc (g)\n" + text)
@@ -283,14 +283,14 @@ limits.tilt = true | [limits] `tilt` must be a number or false, but is true
 
 
 @pytest.mark.parametrize("line", REFUSED.strip().splitlines())
-def test_keys_without_effect_and_misspelt_keys_are_refused_in_one_sentence(line):
+def test_keys_without_effect_and_misspelt_keys_are_rejected_in_one_sentence(line):
     text, sentence = line.split(" | ")
     text = text.replace("RECORDS", 'records = ["el-centro", "loma-prieta"], scales = [2.0, 3.0]')
     text = text.replace("PULSE", 'pulse = "ricker", pulse_frequency = 1')
     assert sentence in str(refusal(tomllib.loads(text.replace("; ", "\n"))))
 
 
-def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search():
+def test_a_history_needs_one_excitation_and_a_search_needs_scales():
     alone = {"records": ["el-centro"]}
     job = jobs.job_of({"excitation": alone | {"scales": [3.0]}})
     assert job.shaking.pga == pytest.approx(3.0 * 9.80665 * job.block.slenderness)
@@ -328,7 +328,7 @@ validation_share = ["~/others"]
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monkeypatch, encoding, end):
+def test_a_job_file_can_have_a_byte_order_mark_and_paths_with_a_tilde(tmp_path, monkeypatch, encoding, end):
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     (tmp_path / "job.toml").write_bytes(JOB.replace("\n", end).encode(encoding))
     monkeypatch.chdir(tmp_path)
@@ -353,13 +353,13 @@ def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monk
         ({"search": {"seed": -1}}, "search"),
     ],
 )
-def test_a_message_names_the_table_of_the_value(given, table):
+def test_an_error_message_states_the_table_of_the_value(given, table):
     with pytest.raises(ValueError, match=rf"^\[{table}\] `") as error:
         jobs.job_of(given)
     assert str(error.value).count("[") == 1 or "[0." in str(error.value)
 
 
-def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_command_line(tmp_path):
+def test_a_record_table_without_units_is_rejected_with_the_options_that_help(tmp_path):
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
     (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
     motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
@@ -378,7 +378,7 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
             _ = jobs.job_of({"excitation": motion | {"columns": wrong}}).motions
 
 
-def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
+def test_the_options_in_the_message_about_a_table_are_accepted(tmp_path):
     """The message shows the numbers with all their digits, and its words are those of a shell."""
     path = tmp_path / "a.csv"
     rows = "".join(f"{0.01 * i:.2f},{np.sin(0.3 * i):.5f}\n" for i in range(100))
@@ -408,6 +408,6 @@ def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
         {"records": ["el-centro"], "scales": [2.0]},
     ],
 )
-def test_the_default_design_space_is_one_for_all_motions(motion):
+def test_the_default_design_space_does_not_depend_on_the_excitation(motion):
     assert jobs.job_of({"excitation": motion}).space == DesignSpace()
     assert DesignSpace().damping_ratio == (0.05, 0.6)

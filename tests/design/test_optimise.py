@@ -62,7 +62,7 @@ def test_the_best_design_of_the_trials_is_validated_and_recommended():
     assert np.all((low <= best.design) & (best.design <= high))
 
 
-def test_no_stage_shares_runs_with_another():
+def test_no_two_stages_share_runs():
     problem = harmful(2)
     solve_problem(problem)
     seeds = {kind: {seed for of, seed in problem.asked if of == kind} for kind, _ in problem.asked}
@@ -76,7 +76,7 @@ def test_no_stage_shares_runs_with_another():
     ("count", "validated", "status"),
     [(1, 2, "recommended"), (2, 3, "recommended"), (9, 3, "not_recommended")],
 )
-def test_the_next_design_is_no_neighbour_of_a_rejected_one(count, validated, status):
+def test_the_next_design_is_not_near_a_rejected_design(count, validated, status):
     found = solve_problem(harmful(count))
     assert (found.status.name, len(found.validated)) == (status, validated)
     at = SPACE.logarithms(np.array([v.design for v in found.validated]))
@@ -102,7 +102,7 @@ def test_after_a_rejection_no_unpromising_design_is_validated():
     assert (found.status, len(found.validated)) == (DesignStatus.not_recommended, 1)
 
 
-def test_where_no_design_keeps_to_the_limits_none_is_validated():
+def test_no_design_is_validated_if_none_keeps_the_limits():
     problem = NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),))
     found = solve_problem(problem)
     assert (found.status, found.validated, found.pendulum) == (DesignStatus.none_feasible, (), None)
@@ -111,14 +111,14 @@ def test_where_no_design_keeps_to_the_limits_none_is_validated():
     assert found.refusals[0].startswith("the design exceeds the limit on stroke: ")
 
 
-def test_where_the_block_rests_nothing_is_evaluated():
+def test_no_design_is_evaluated_if_the_block_rests():
     problem = NoisyProblem.of(calm=True)
     found = solve_problem(problem)
     assert (found.status, found.trials, found.validated) == (DesignStatus.no_uplift, None, ())
     assert problem.asked == []
 
 
-def test_runs_without_an_answer_leave_a_design_undecided():
+def test_many_runs_without_a_result_leave_a_design_undecided():
     """Most runs have no answer: the verdict depends on them, and the status says so."""
     found = solve_problem(NoisyProblem.of(unanswered=0.6))
     assert found.status is DesignStatus.undecided
@@ -127,7 +127,7 @@ def test_runs_without_an_answer_leave_a_design_undecided():
     assert np.all(found.trials.undecided > 10)
 
 
-def test_the_status_of_a_design_that_passes_is_that_of_the_evidence():
+def test_a_design_that_passes_has_the_status_of_its_evidence():
     class Few(NoisyProblem):
         evidence = DesignStatus.too_few
 
@@ -137,7 +137,7 @@ def test_the_status_of_a_design_that_passes_is_that_of_the_evidence():
     assert found.validated[-1].reasons == ()
 
 
-def test_ctrl_c_is_an_exception():
+def test_ctrl_c_raises_keyboard_interrupt():
     def stop(*_):
         raise KeyboardInterrupt
 
@@ -169,7 +169,7 @@ def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
     assert again.benefit == harmonic.benefit
 
 
-def test_one_seed_is_one_design_and_another_seed_has_other_runs(harmonic):
+def test_a_seed_determines_the_design_and_another_seed_changes_the_runs(harmonic):
     assert same(tpd.optimise(**harmonic.again()), harmonic)
     other = designs.harmonic_design(1)
     seeds = [
@@ -190,7 +190,7 @@ def test_a_rejected_design_has_its_reasons(rejected):
     assert len(set(seeds)) == len(seeds) > 1
 
 
-def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_saw(ground):
+def test_validation_earthquakes_are_not_among_the_search_earthquakes(ground):
     assert ground.status is DesignStatus.recommended
     (best,) = ground.validated
     runs = best.runs
@@ -209,7 +209,7 @@ def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_sa
     assert same(tpd.optimise(**ground.again()), ground)
 
 
-def test_a_design_on_built_in_records_is_of_too_few_earthquakes():
+def test_a_design_on_the_built_in_records_has_too_few_earthquakes():
     motions = [el_centro(), loma_prieta()]
     asked = {"method": tpd.GroundSearch(designs=6, steps=2), "limits": (tpd.limits.Stroke(),)}
     found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
@@ -258,7 +258,7 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
         (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "needs `conditions=Conditions.records"),
     ],
 )
-def test_a_problem_of_neither_kind_is_rejected(scene, settings, message):
+def test_a_problem_without_a_known_excitation_is_rejected(scene, settings, message):
     with pytest.raises(ValueError, match=message):
         tpd.optimise(scene, **({"conditions": designs.GROUND["conditions"]} | settings))
 
@@ -270,7 +270,7 @@ def test_conditions_determine_the_kind_of_problem():
 
 
 @pytest.mark.parametrize("name", ["harmonic", "ground"])
-def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, monkeypatch):
+def test_every_point_of_a_front_limits_the_mass_of_the_bob(name, request, rejected, monkeypatch):
     design, asked, events = request.getfixturevalue(name), [], []
     monkeypatch.setattr(module, "optimise", lambda **given: asked.append(given) or rejected)
     lighter, last = tpd.front(design, (0.06,), progress=lambda *event: events.append(event))
@@ -313,7 +313,7 @@ def front_of(harmonic, rejected, monkeypatch, *gains: tuple[float, float] | None
     return front
 
 
-def test_no_point_of_a_front_is_dominated(harmonic, rejected, monkeypatch):
+def test_no_point_of_a_front_is_dominated_by_another(harmonic, rejected, monkeypatch):
     own, gain = float(harmonic.pendulum.mass), harmonic.benefit.mean
     found = front_of(harmonic, rejected, monkeypatch, None, (0.2 * own, 0.3 * gain), (0.3 * own, 0.2 * gain))
     assert [p.pendulum and p.pendulum.mass / own for p in found] == [None, pytest.approx(0.2), 1.0]
@@ -337,7 +337,7 @@ def test_a_front_is_printed_as_a_table(harmonic, rejected, monkeypatch):
     assert number(100.0 * harmonic.benefit.mean, 3) in last
 
 
-def test_a_fixed_rod_is_that_of_every_answer(harmonic):
+def test_every_design_has_the_fixed_length(harmonic):
     space = tpd.DesignSpace(length=0.12, damping_ratio=(0.05, 0.4))
     found = tpd.optimise(SCENE, space, **designs.SMALL)
     assert found.pendulum.length == pytest.approx(0.12, rel=1e-15)
@@ -353,7 +353,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert (best.length, best.damping_ratio) == (pytest.approx(1.0), 0.3)
 
 
-def test_a_fixed_bob_is_that_of_the_answer_and_has_no_lighter_ones():
+def test_a_design_has_the_fixed_mass_and_no_front():
     space = tpd.DesignSpace(mass=1.6, damping_ratio=(0.05, 0.4))
     found = tpd.optimise(SCENE, space, **designs.SMALL)
     assert found.pendulum.mass == pytest.approx(1.6, rel=1e-15)
@@ -362,7 +362,7 @@ def test_a_fixed_bob_is_that_of_the_answer_and_has_no_lighter_ones():
         tpd.front(found)
 
 
-def test_bounds_in_kg_are_those_by_ratio(harmonic):
+def test_bounds_in_kg_and_as_ratios_give_equal_designs(harmonic):
     mass = SCENE.block.mass
     space = tpd.DesignSpace(mass=(0.01 * mass, 0.2 * mass), damping_ratio=(0.05, 0.4))
     found = tpd.optimise(SCENE, space, **designs.SMALL)
@@ -370,7 +370,7 @@ def test_bounds_in_kg_are_those_by_ratio(harmonic):
     assert same(found, harmonic)
 
 
-def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
+def test_optimise_all_has_one_design_per_block_with_named_status():
     calm, counts = tpd.Harmonic(amplitude=0.001, frequency=2.5), []
     scenes = [tpd.Scene(SCENE.block, calm)] * 2
     found = tpd.optimise_all(scenes, limits=(), progress=lambda *e: counts.append(e))
@@ -406,9 +406,7 @@ class Quakes(NoisyProblem):
         (1, False, 1, "not_recommended"),
     ],
 )
-def test_a_second_design_sees_the_same_earthquakes_only_if_a_limit_rejects_the_first(
-    count, helps, validated, status
-):
+def test_a_second_design_is_validated_only_if_a_limit_rejects_the_first(count, helps, validated, status):
     problem = type("", (Quakes,), {"helps": helps})(**(NoisyProblem.of().inputs | {"method": count}))
     found = solve_problem(problem)
     assert len(found.validated) == validated

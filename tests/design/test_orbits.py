@@ -39,7 +39,7 @@ def objective():
     return orbits()
 
 
-def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(objective):
+def test_a_condition_has_its_largest_stable_orbit_or_rest(objective):
     e = objective.evaluate(GOOD)
     for i, factor in enumerate(BAND.column("frequency")):
         motion = dataclasses.replace(SCENE.excitation, frequency=SCENE.excitation.frequency * factor)
@@ -56,7 +56,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
     assert objective.value(e)[0] == e.tilt.max()
 
 
-def test_slopes_are_those_of_differences(objective):
+def test_derivatives_of_merit_and_limits_equal_finite_differences(objective):
     at, step = objective.at(UNIT), 1e-5
     for i in range(3):
         up, down = (objective.at(UNIT + s * step * np.eye(3)[i]) for s in (1, -1))
@@ -66,7 +66,7 @@ def test_slopes_are_those_of_differences(objective):
         np.testing.assert_allclose(at.limit_slope[..., i], expected, rtol=1e-4, atol=1e-5)
 
 
-def test_constraints_have_names_and_are_tightened_for_a_search(objective):
+def test_the_constraints_of_a_search_are_tightened_by_the_back_off(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
     names = ["stroke", "relative_stroke", "tilt", "offset", "clearance", "thickness", "depth", "reserve"]
     assert [size.name for size in evaluate_sizes(objective.limits, e, objective.geometry)] == names
@@ -85,7 +85,7 @@ def test_a_quantity_that_is_not_finite_breaks_its_limit(objective):
     assert np.isfinite(slope).all()
 
 
-def test_a_gentle_shaking_is_answered_by_rest_and_its_margin():
+def test_a_block_below_uplift_has_its_uplift_margin_as_merit():
     calm = orbits(conditions=tpd.Conditions.amplitudes(0.1, 0.2))
     e = calm.evaluate(GOOD)
     assert np.all(e.kind == REST)
@@ -99,7 +99,7 @@ def test_a_gentle_shaking_is_answered_by_rest_and_its_margin():
         np.testing.assert_allclose(e.merit_slope[..., axis], (up - down) / 2e-6, rtol=1e-6, atol=1e-9)
 
 
-def test_rest_counts_from_rest_though_rocking_attracts_from_elsewhere():
+def test_rest_from_rest_takes_precedence_over_a_coexisting_rocking_orbit():
     """Between the shaking at which an orbit vanishes and that which lifts the resting block."""
     conditions = tpd.Conditions.amplitudes(*np.linspace(0.3, 1.0, 15))
     either, rest = (orbits(conditions=conditions, rest_counts=c).evaluate(GOOD) for c in (False, True))
@@ -110,7 +110,7 @@ def test_rest_counts_from_rest_though_rocking_attracts_from_elsewhere():
     np.testing.assert_array_equal(rest.merit[~both], either.merit[~both])
 
 
-def test_other_conditions_of_the_same_scene(objective):
+def test_conditions_change_the_geometry_of_the_scene(objective):
     factors = {"slenderness": np.array([0.9, 1.1]), "mass": np.array([1.0, 1.2])}
     other = orbits(conditions=tpd.Conditions(factors))
     np.testing.assert_allclose(other.geometry.slenderness, SCENE.block.slenderness * factors["slenderness"])
@@ -119,7 +119,7 @@ def test_other_conditions_of_the_same_scene(objective):
     assert objective.evaluate(GOOD).at([0]).merit.shape == (1, 5)
 
 
-def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle():
+def test_the_torus_margin_vanishes_if_a_pair_of_multipliers_reaches_the_unit_circle():
     """At the least frequency of the band a design without a reserve ends on that edge."""
     edge = np.array([[0.2, 0.24187974, 0.34017006]])
     sides = []
@@ -146,7 +146,7 @@ class Both(tpd.limits.Objective):
         return motion.tilt + self.weight * motion.swing
 
 
-def test_an_objective_of_the_user_applies_where_the_block_rocks():
+def test_a_user_objective_replaces_the_tilt_if_the_block_rocks():
     conditions = tpd.Conditions.amplitudes(0.1, 1.0)
     e, usual = (
         orbits(conditions=conditions, **more).evaluate(GOOD) for more in ({"objective": Both(0.5)}, {})
@@ -161,7 +161,7 @@ def test_an_objective_of_the_user_applies_where_the_block_rocks():
 
 
 @pytest.mark.parametrize("wrong", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0])
-def test_an_objective_that_is_no_differentiable_number_is_rejected(wrong):
+def test_a_user_objective_that_jax_cannot_differentiate_is_rejected(wrong):
     @dataclasses.dataclass(frozen=True)
     class Wrong(Both):
         def size(self, motion, design, geometry):
@@ -176,7 +176,7 @@ def walk(objective):
     return SmoothedOrbits(objective, SMOOTHED, objective.evaluate(DESIGNS))
 
 
-def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
+def test_continuation_steps_track_the_orbits_of_moving_designs(walk, objective):
     for share in (1.0, 1.01, 1.02, 1.02, 1.02):
         e = walk.evaluate(DESIGNS * [share, share, 1.0])
     exact = objective.evaluate(DESIGNS * [1.02, 1.02, 1.0])
@@ -190,7 +190,7 @@ def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
     assert walk.stopped.sum() == 0
 
 
-def test_orbits_that_are_not_followed_have_the_exact_answer(walk, objective):
+def test_lost_orbits_are_solved_again_by_the_linear_model(walk, objective):
     """A jump over half of the space loses orbits; the exact solution answers there and goes on."""
     far = np.array([[0.19, 1.9, 0.1], [0.02, 0.15, 0.1], [0.05, 1.2, 0.1]])
     e, exact = walk.evaluate(far), objective.evaluate(far)

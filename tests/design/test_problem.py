@@ -21,7 +21,7 @@ from tpd.limits import check_cavity
 SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
 
 
-def test_a_design_is_the_pendulum_of_its_ratios():
+def test_the_pendulum_of_a_design_has_its_ratios():
     problem = NoisyProblem.of()
     with_it = problem.pendulum(np.array(RATIOS))
     assert with_it == SCENE.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
@@ -29,7 +29,7 @@ def test_a_design_is_the_pendulum_of_its_ratios():
     assert problem.inputs["scene"] is SCENE
 
 
-def test_sizes_that_need_no_run_are_those_of_the_bob_at_rest_under_all_conditions():
+def test_sizes_without_runs_are_the_largest_of_the_bob_at_rest():
     scattered = tpd.Conditions({"mass": np.array([0.9, 1.2]), "slenderness": np.array([1.0, 0.9])})
     some = (limits.Stroke(0.5), limits.Clearance(), limits.Mass(2.0))
     problem = NoisyProblem.of(limits=some, conditions=scattered)
@@ -56,7 +56,7 @@ def test_a_limit_on_the_mass_narrows_the_space():
         within_mass(fixed, SCENE.block, (tpd.limits.Mass(0.8),))
 
 
-def test_walls_need_a_cavity_that_is_stated():
+def test_a_limit_on_clearance_needs_a_cavity_width():
     with pytest.raises(
         ValueError, match=r"`cavity_width`.*must be given, but is missing.*`Block`.*`Clearance`"
     ):
@@ -65,7 +65,7 @@ def test_walls_need_a_cavity_that_is_stated():
     check_cavity(SCENE.block, (tpd.limits.Clearance(),))
 
 
-def test_a_motion_without_effect_and_a_quantity_that_cannot_scatter_are_rejected():
+def test_excitations_and_scatter_out_of_range_are_rejected():
     still = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
         check_moves(still, tpd.Conditions())
@@ -149,12 +149,12 @@ class Own(limits.Limit):
         ),
     ],
 )
-def test_settings_that_no_file_can_contain_are_refused(asked, sentence):
+def test_settings_that_a_job_file_cannot_contain_are_rejected(asked, sentence):
     with pytest.raises(ValueError, match=sentence):
         _ = answer(**asked).job
 
 
-def test_motions_that_exist_only_in_python_are_refused():
+def test_a_job_file_cannot_contain_records_made_in_python():
     record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
     conditions = tpd.Conditions.records([record], (2.0,))
     asked = GroundMotionProblem.of(ASKED, conditions, validation_share=0.0)
@@ -162,14 +162,14 @@ def test_motions_that_exist_only_in_python_are_refused():
         _ = asked.job
 
 
-def test_the_share_of_runs_beyond_a_limit_is_unknown_if_no_run_stands():
+def test_the_share_of_runs_over_a_limit_is_unknown_without_surviving_runs():
     problem, fallen = NoisyProblem.of(), outcomes([np.inf] * 4)
     assert np.isnan(problem.over_limit(np.array(RATIOS), fallen)[0])
     assert problem.over_limit(np.array(RATIOS), outcomes([0.1] * 4, [0.1, 0.6, 0.1, 0.1])) == (0.25, "stroke")
     assert NoisyProblem.of(limits=()).over_limit(np.array(RATIOS), fallen) == (0.0, "")
 
 
-def test_the_swing_that_is_drawn_built_and_compared_with_the_limit_is_that_of_one_run(ground):
+def test_the_stated_swing_is_exceeded_in_the_allowed_share_of_runs(ground):
     angle = ground.problem.reached(ground.rod_angle)
     assert angle in ground.rod_angle
     assert np.mean(ground.rod_angle > angle) <= ground.problem.allowed

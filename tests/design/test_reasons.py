@@ -105,7 +105,7 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
         ),
     ],
 )
-def test_a_sentence_has_the_digits_that_decide(kind, given, words):
+def test_a_reason_prints_enough_digits_to_differ_from_its_limit(kind, given, words):
     sentence = str(Reason(kind=ReasonKind[kind], **given)) + "$"
     assert words in sentence
     assert "inf" not in sentence
@@ -135,7 +135,7 @@ def test_the_shortfall_is_the_distance_from_the_requirement(kind, given, missed)
     assert Reason(kind=ReasonKind[kind], **given).shortfall == pytest.approx(missed)
 
 
-def test_one_reason_of_each_kind_and_limit_is_kept_the_dangers_first():
+def test_reasons_are_unique_by_kind_and_limit_and_begin_with_dangers():
     little = Reason(kind=ReasonKind.too_little_benefit, value=0.0, reference=0.1)
     wall = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=0.3)
     swing, again = (Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=x) for x in (1.2, 1.4))
@@ -143,7 +143,7 @@ def test_one_reason_of_each_kind_and_limit_is_kept_the_dangers_first():
     assert one_of_a_kind([little, swing, again, tilt, wall]) == [wall, little, swing, tilt]
 
 
-def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_remedy():
+def test_every_status_has_a_remedy_and_two_are_sound():
     sound = {status for status in DesignStatus if status.is_sound}
     assert sound == {DesignStatus.recommended, DesignStatus.no_uplift}
     assert all(status.remedy.endswith(".") for status in DesignStatus)
@@ -151,7 +151,7 @@ def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8
 
 
-def test_an_unknown_rate_has_its_own_explanation():
+def test_a_reason_explains_an_unknown_rate():
     reason = Reason(
         kind=ReasonKind.too_little_benefit, value=math.nan, low=math.nan, reference=0.1, measure="rate"
     )

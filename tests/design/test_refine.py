@@ -30,7 +30,7 @@ def refinement():
     return refined(NoisyProblem.of())
 
 
-def test_the_trend_leads_to_the_minimum_within_the_limit(refinement):
+def test_the_refinement_finds_the_minimum_within_the_limit(refinement):
     """The limit on the stroke cuts mu off below a half of its range; the minimum there is at (.5, .5, .4)."""
     trials, problem = refinement.trials(), refinement.problem
     best = SPACE.scaled(trials.designs[0])
@@ -46,13 +46,13 @@ def test_the_trend_leads_to_the_minimum_within_the_limit(refinement):
     assert np.sqrt(np.mean(errors[:20] ** 2)) < 0.01
 
 
-def test_without_the_limit_the_minimum_is_that_of_all_designs():
+def test_the_refinement_finds_the_free_minimum_without_limits():
     trials = refined(NoisyProblem.of(limits=())).trials()
     np.testing.assert_allclose(SPACE.scaled(trials.designs[0]), [0.6, 0.5, 0.4], atol=0.12)
     assert (trials.names, trials.sizes.shape) == ((), (len(trials.designs), 0))
 
 
-def test_trials_are_a_table_the_best_first(refinement):
+def test_trials_are_ordered_from_best_to_worst(refinement):
     trials = refinement.trials()
     m = len(trials.designs)
     assert m == 24 + 32 == refinement.total
@@ -70,7 +70,7 @@ def test_trials_are_a_table_the_best_first(refinement):
     assert trials.best_without() is None or trials.sizes[trials.best_without(), 0] <= 1.0
 
 
-def test_all_trials_have_the_same_runs_and_comparisons_have_others():
+def test_all_trials_of_a_refinement_share_one_seed():
     problem, counts = NoisyProblem.of(), []
     here = refined(problem, lambda *count: counts.append(count))
     assert len(problem.asked) == 1 + len(here.runs)
@@ -86,7 +86,7 @@ def test_all_trials_have_the_same_runs_and_comparisons_have_others():
     assert trial.isdisjoint(other.asked)
 
 
-def test_a_wider_space_ends_at_the_same_design(refinement):
+def test_the_refinement_finds_the_same_design_in_a_wider_space(refinement):
     """The stroke and the tilt are those of the same shares of the narrow space."""
 
     class Wide(NoisyProblem):
@@ -111,7 +111,7 @@ class Longer(NoisyProblem):
         return dataclasses.replace(runs, settled_swing=more * runs.settled_swing, swing=more * runs.swing)
 
 
-def test_comparisons_correct_the_trend_of_a_limit():
+def test_nonlinear_comparisons_correct_the_trend_of_a_limit():
     here = refined(Longer(**NoisyProblem.of().inputs))
     first = SPACE.scaled(here.trials().designs[0])[0]
     best = SPACE.scaled(best_of(here))
@@ -121,7 +121,7 @@ def test_comparisons_correct_the_trend_of_a_limit():
     assert 0.42 < 1.1 * 0.5 * np.exp(best[0] - 0.5) < 0.5
 
 
-def test_a_rejected_design_moves_the_next_one_inside_the_limit():
+def test_a_design_rejected_by_a_limit_moves_the_next_design_inside():
     here = refined(NoisyProblem.of())
     first = best_of(here)
     here.learn(first, outcomes([0.3] * 64, 0.55, design=first))
@@ -130,7 +130,7 @@ def test_a_rejected_design_moves_the_next_one_inside_the_limit():
     assert SPACE.scaled(first)[0] - SPACE.scaled(second)[0] == pytest.approx(0.5 * np.log(1.1), abs=0.03)
 
 
-def test_runs_without_an_answer_are_counted_and_change_no_estimate():
+def test_runs_without_a_result_are_counted_and_do_not_bias_the_trend():
     problem = NoisyProblem.of(unanswered=0.2)
     trials = refined(problem).trials()
     assert 0.15 < trials.undecided.mean() / 64 < 0.25
@@ -145,7 +145,7 @@ def test_runs_without_an_answer_are_counted_and_change_no_estimate():
     assert trials.best_without() is None
 
 
-def test_a_design_without_a_known_run_comes_last():
+def test_a_design_without_results_is_ranked_last():
     class Silent(NoisyProblem):
         def runs(self, design, seed, equations="linear"):
             last = design is not None and SPACE.scaled(np.asarray(design))[2] > 0.99
@@ -160,7 +160,7 @@ def test_a_design_without_a_known_run_comes_last():
     assert len(here.merit.values) == 8
 
 
-def test_proposed_designs_keep_to_the_limits_that_need_no_run():
+def test_proposed_designs_keep_the_limits_that_need_no_run():
     """The body of a heavy bob exceeds its limit on the mass without any motion."""
     mass = 0.12 * float(NoisyProblem.of().scene.block.mass)
     problem = NoisyProblem.of(limits=(tpd.limits.Mass(mass),))
@@ -177,7 +177,7 @@ def test_proposed_designs_keep_to_the_limits_that_need_no_run():
     assert Refinement(problem, unreported, 60).next(8, 0.05).shape == (8, 3)
 
 
-def test_where_fewer_blocks_rest_than_without_a_pendulum_designs_give_way():
+def test_designs_with_which_fewer_runs_rest_are_avoided():
     """Of 60 % of the runs that rest without a pendulum a light bob keeps all, and a heavy one few."""
 
     class Resting(NoisyProblem):
@@ -193,7 +193,7 @@ def test_where_fewer_blocks_rest_than_without_a_pendulum_designs_give_way():
     assert SPACE.scaled(here.designs[here.order()[0]])[0] < 0.3
 
 
-def test_equivalent_designs_surround_the_best_and_keep_to_the_limit(refinement):
+def test_equivalent_designs_enclose_the_best_design_and_keep_the_limit(refinement):
     best = refinement.trials().designs[0]
     low, high = SPACE.scaled(refinement.equivalent(best))
     assert np.all(low <= SPACE.scaled(best))
@@ -204,7 +204,7 @@ def test_equivalent_designs_surround_the_best_and_keep_to_the_limit(refinement):
 
 
 @pytest.mark.parametrize("count", [6, 12])
-def test_a_limit_holds_for_trials_of_few_runs(count):
+def test_feasible_trials_keep_the_limit_for_any_number_of_runs(count):
     """The limit on the stroke cuts mu off below a half of its range."""
     trials = refined(NoisyProblem.of(count=count)).trials()
     share = SPACE.scaled(trials.designs)[:, 0]
@@ -222,7 +222,7 @@ class Falling(NoisyProblem):
         return outcomes(tilt, 0.1, design=RATIOS if design is None else design, seed=seed)
 
 
-def test_a_limit_that_no_run_can_show_is_not_kept():
+def test_a_limit_without_surviving_runs_counts_as_exceeded():
     here = refined(Falling(**NoisyProblem.of().inputs))
     trials = here.trials()
     assert np.isnan(trials.sizes).all()
@@ -235,7 +235,7 @@ def test_a_limit_that_no_run_can_show_is_not_kept():
     assert refusal.startswith("the block overturns in so many trial runs")
 
 
-def test_a_run_of_unknown_swing_counts_against_a_design():
+def test_a_run_with_unknown_swing_counts_as_over_the_limit():
     class Unknown(NoisyProblem):
         def runs(self, design, seed, equations="linear"):
             found = super().runs(design, seed, equations)
@@ -263,7 +263,7 @@ class Overturning(NoisyProblem):
 
 
 @pytest.mark.parametrize(("reduce", "length"), [("tilt", 1.0), ("overturning", 0.0), (None, 0.0)])
-def test_the_search_reduces_what_the_verdict_compares(reduce, length):
+def test_the_search_minimises_the_measure_of_the_requirements(reduce, length):
     inputs: Any = NoisyProblem.of(limits=(), requirements=tpd.limits.Requirements(reduce=reduce)).inputs
     assert SPACE.scaled(best_of(refined(Overturning(**inputs))))[1] == pytest.approx(length, abs=0.05)
 

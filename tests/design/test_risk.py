@@ -16,7 +16,7 @@ def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(sha
         assert tpd.Risk.cvar(share).of(row) == pytest.approx(-answer.fun, rel=1e-9)
 
 
-def test_an_infinite_value_counts_only_with_a_weight():
+def test_an_infinite_tilt_makes_a_risk_infinite_only_if_it_has_a_weight():
     values = np.array([[1.0, np.inf, 2.0, 3.0]])
     assert tpd.Risk.worst().of(values)[0] == np.inf
     assert tpd.Risk.cvar(0.5).of(values)[0] == np.inf

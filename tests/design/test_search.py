@@ -25,7 +25,7 @@ from tpd.design.search import (
 from tpd.design.search import search as search_designs
 
 
-def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
+def test_descent_results_are_ordered_by_risk_and_infeasible_ones_are_infinite(search):
     objective, found = search
     assert found.screened.shape == (48, 3)
     assert len(found.ends) == len(found.statuses) == 20
@@ -38,7 +38,7 @@ def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
     assert found.end_values.min() == pytest.approx(0.2726536, abs=1e-6), "as with 64 starts"
 
 
-def test_the_history_has_the_gain_of_the_finish(search):
+def test_the_message_of_a_search_states_the_gain_of_the_final_optimiser(search):
     objective, found = search
     assert found.finished < found.descended
     start = f"The descents reach a risk of {found.descended:.4g}, and the finish lowers it by "
@@ -48,7 +48,7 @@ def test_the_history_has_the_gain_of_the_finish(search):
     assert alone.message.endswith("the finish does not improve it.")
 
 
-def test_a_search_may_begin_fewer_times_than_requested():
+def test_equal_starting_designs_are_searched_once():
     """Where the space is a point, screened designs coincide."""
     calm = orbits(conditions=tpd.Conditions.amplitudes(0.01, 0.02), limits=())
     out = search_designs(calm, tpd.Descent(searches=24, screening=24, steps=2, model=tpd.Piecewise()), 0)
@@ -76,7 +76,7 @@ def test_every_search_ends_with_a_status(changed, expected):
     assert _status(np.full(3, given["x"]), at, given["contradicted"], given["converged"]) is expected
 
 
-def test_an_objective_of_the_user_moves_the_optimum_its_way():
+def test_a_user_objective_on_the_swing_reduces_the_swing():
     """The more the bob's angle counts, the smaller it is at the optimum, and the larger the tilt."""
     settings, sizes = tpd.Descent(searches=4, screening=64, steps=10, model=tpd.Piecewise()), []
     for weight in (0.0, 0.3):
@@ -88,7 +88,7 @@ def test_an_objective_of_the_user_moves_the_optimum_its_way():
     assert sizes[0][1] > sizes[1][1]
 
 
-def test_values_that_are_not_divided_by_a_size_of_reference_are_rejected():
+def test_an_objective_that_is_not_normalised_is_rejected():
     @dataclasses.dataclass(frozen=True)
     class Newtons(Both):
         def size(self, motion, design, geometry):
@@ -109,7 +109,7 @@ def test_a_quarter_of_the_screened_designs_has_the_largest_margins():
     assert screened_designs(objective, 1, seed=2).shape == (1, 3)
 
 
-def test_the_best_designs_that_lie_apart_come_first():
+def test_separated_designs_precede_their_neighbours():
     units = np.array([[0.5, 0.5], [0.51, 0.5], [0.9, 0.9], [0.1, 0.1], [0.505, 0.5]])
     values = np.array([1.0, 2.0, 4.0, 3.0, 1.5])
     np.testing.assert_array_equal(best_apart(units, values, 3), [0, 3, 2])
@@ -118,7 +118,7 @@ def test_the_best_designs_that_lie_apart_come_first():
     np.testing.assert_array_equal(best_apart(units[[0, 0, 2]], values[[0, 0, 2]], 3), [0, 2])
 
 
-def test_the_first_of_an_order_that_are_no_neighbours():
+def test_first_apart_skips_neighbours_of_earlier_designs():
     units = np.array([[0.5, 0.5], [0.51, 0.5], [0.9, 0.9], [0.1, 0.1]])
     order = np.array([1, 0, 3, 2])
     assert first_apart(units, order, 4) == [1, 3, 2]
@@ -133,7 +133,7 @@ def finished(problem, starts=STARTS, cap=1.0, risk=WORST, **more):
     return ends, np.array([float(risk(e.local.value)[0]) for e in ends]), np.array([e.x for e in ends])
 
 
-def test_a_known_minimax_is_reached_from_everywhere():
+def test_the_final_optimiser_reaches_a_known_minimax_from_every_start():
     ends, merit, x = finished(FREE)
     np.testing.assert_allclose(merit, 1.9522245, rtol=1e-6)
     np.testing.assert_allclose(6.0 * x - 3.0, [[1.13904, 0.89956]] * 4, atol=1e-3)
@@ -141,14 +141,14 @@ def test_a_known_minimax_is_reached_from_everywhere():
     assert not any(e.converged for e in finished(FREE, steps=2)[0]), "where the steps run out"
 
 
-def test_the_mean_of_the_worst_share_is_minimised():
+def test_the_final_optimiser_minimises_the_conditional_value_at_risk():
     """Of three functions the mean of the worst two, least on the limit where two of them are equal: there
     x^2 + (1.5 - x)^4 = 2 e^(1.5 - 2 x)."""
     risk = tpd.Risk.cvar(2.0 / 3.0)
     np.testing.assert_allclose(finished(LIMITED, cap=risk.cap(3), risk=risk.of)[1], 2.20740775, rtol=1e-6)
 
 
-def test_a_constraint_and_a_smooth_bottom_are_reached():
+def test_the_final_optimiser_reaches_free_and_constrained_minima():
     bowl = [lambda x, y: ((x - 2) ** 2 + 10 * (y - 1) ** 2, (2 * x - 4, 20 * y - 20))]
     line = [lambda x, y: (x + y - 2.0, (np.ones_like(x), np.ones_like(y)))]
     start = np.array([[0.5, 0.5]])
@@ -159,7 +159,7 @@ def test_a_constraint_and_a_smooth_bottom_are_reached():
     np.testing.assert_allclose(6.0 * held - 3.0, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-3)
 
 
-def test_a_curved_limit_is_followed_to_its_end():
+def test_the_final_optimiser_follows_a_curved_constraint():
     """Along a ring to its rightmost point, where every straight step leaves the ring."""
 
     def ring(sign):
@@ -173,7 +173,7 @@ def test_a_curved_limit_is_followed_to_its_end():
     assert end.converged
 
 
-def test_a_finish_from_no_value_takes_no_step_and_others_go_around():
+def test_the_final_optimiser_makes_no_step_from_an_unknown_value():
     def holed(units):
         at = FREE(units)
         return at._replace(value=np.where(units[:, :1] > 0.75, np.inf, at.value))
@@ -190,7 +190,7 @@ def descended(problem, settings, starts=STARTS, **more):
 
 
 @pytest.mark.parametrize("cap", [1.0, 0.5, 1.0 / 3.0])
-def test_the_smoothed_merit_has_these_slopes_and_tends_to_the_risk(cap):
+def test_the_smoothed_merit_tends_to_the_risk_and_has_correct_derivatives(cap):
     risk = tpd.Risk.cvar(1.0 / (3.0 * cap))
     at = LIMITED(STARTS)
     sharp = risk.of(at.value) + 10.0 * np.maximum(at.limit[:, 0], 0.0)
@@ -204,7 +204,7 @@ def test_the_smoothed_merit_has_these_slopes_and_tends_to_the_risk(cap):
 
 @pytest.mark.parametrize("optimiser", ["adam", "rmsprop", optax.adam(0.01)], ids=["adam", "rmsprop", "own"])
 @pytest.mark.parametrize(("problem", "least"), [(FREE, 1.9522245), (LIMITED, 3.125)])
-def test_a_known_minimax_is_approached(optimiser, problem, least):
+def test_every_first_order_optimiser_approaches_a_known_minimax(optimiser, problem, least):
     asked, done = [], []
 
     def recorded(units):
@@ -224,7 +224,7 @@ def test_a_known_minimax_is_approached(optimiser, problem, least):
     np.testing.assert_allclose(alone.x[0], ends.x[1], rtol=1e-9)
 
 
-def test_a_descent_without_a_value_goes_back_to_the_best_design():
+def test_a_descent_returns_to_its_best_design_after_an_unknown_value():
     """Beyond x = 0.6 nothing is known, and there the minimum lies. A descent ends at that edge, well below
     its start (8.0), though not at the best place of the edge (2.97): no derivative leads along it."""
 
@@ -238,6 +238,6 @@ def test_a_descent_without_a_value_goes_back_to_the_best_design():
 
 
 @pytest.mark.parametrize("status", list(SearchStatus))
-def test_words_of_a_status_fit_any_number_of_descents(status):
+def test_descriptions_of_descent_statuses_do_not_begin_with_a_verb(status):
     """A report puts a number before them."""
     assert status.value.split()[0] not in ("is", "are", "was", "were", "has", "have", "does", "do")

@@ -19,6 +19,6 @@ import tpd
         (lambda: tpd.Descent(optax.lbfgs()), "`optimiser` must make its steps from gradients alone"),
     ],
 )
-def test_bad_settings_are_rejected(make, message):
+def test_settings_out_of_range_are_rejected(make, message):
     with pytest.raises(ValueError, match=message):
         make()

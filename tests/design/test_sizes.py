@@ -42,13 +42,13 @@ def evaluation(m: int, n: int = 2) -> Evaluation:
     return Evaluation.blank(m, n)._replace(design=np.full((m, 3), 0.2), tilt_slope=slope)
 
 
-def test_a_limit_of_a_user_needs_no_slopes():
+def test_a_user_limit_is_differentiated_automatically():
     (size,) = evaluate_sizes([LongestRod(0.1)], evaluation(3), GEOMETRY, slopes=True)
     np.testing.assert_allclose(size.value, 0.2 * SCENE.block.half_height / 0.1)
     np.testing.assert_allclose(size.slope, np.broadcast_to([0.0, 2.0, 0.0], (3, 2, 3)), atol=1e-12)
 
 
-def test_derivatives_of_the_motion_are_those_of_the_evaluation():
+def test_a_user_limit_has_the_chain_rule_derivatives_of_the_motion():
     (size,) = evaluate_sizes([Anything(lambda tilt: tilt**2)], evaluation(1), GEOMETRY, slopes=True)
     np.testing.assert_allclose(size.slope[0, 0], [2.0, 4.0, 6.0])
     (constant,) = evaluate_sizes([Anything(lambda tilt: 0.7)], evaluation(1), GEOMETRY, slopes=True)
@@ -56,13 +56,13 @@ def test_derivatives_of_the_motion_are_those_of_the_evaluation():
     np.testing.assert_array_equal(constant.slope, 0.0)
 
 
-def test_a_derivative_that_does_not_exist_is_zero():
+def test_an_infinite_derivative_of_a_limit_is_replaced_by_zero():
     e = evaluation(1)._replace(tilt=np.zeros((1, 2)))
     (size,) = evaluate_sizes([Anything(jnp.sqrt)], e, GEOMETRY, slopes=True)
     np.testing.assert_array_equal(size.slope, 0.0)
 
 
-def test_sizes_are_in_the_order_of_the_limits_also_without_a_design():
+def test_sizes_have_the_order_of_the_limits_for_any_shape():
     limits = tpd.limits.Stroke(), tpd.limits.Clearance(), LongestRod(0.1)
     names = ["stroke", "clearance", "thickness", "depth", "rod"]
     for shape in ((3, 2), (0, 2), (1, 0)):
@@ -86,7 +86,7 @@ def test_a_function_that_jax_cannot_differentiate_is_rejected_in_one_sentence(of
     assert "\n" not in str(error.value)
 
 
-def test_a_size_is_a_number_wherever_the_motion_is_known():
+def test_a_limit_that_is_nan_for_a_known_motion_is_rejected():
     message = "`size` of anything must be a number for every motion, but is NaN for some"
     with pytest.raises(ValueError, match=message):
         evaluate_sizes([Anything(lambda tilt: jnp.sqrt(-tilt))], evaluation(2), GEOMETRY)

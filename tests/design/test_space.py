@@ -7,7 +7,7 @@ import tpd
 
 
 @pytest.mark.parametrize("fixed", [(), (0,), (1,), (2,), (0, 1), (0, 2), (1, 2)])
-def test_a_fixed_value_is_none_to_search_for(fixed):
+def test_a_fixed_value_is_not_a_variable_of_the_search(fixed):
     names, ends = (
         ("mass_ratio", "length_ratio", "damping_ratio"),
         np.array([[0.02, 0.3, 0.05], [0.2, 1.5, 0.4]]),
@@ -23,7 +23,7 @@ def test_a_fixed_value_is_none_to_search_for(fixed):
     np.testing.assert_allclose(space.scaled(designs), units, atol=1e-15)
 
 
-def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
+def test_masses_in_kg_and_lengths_in_m_become_ratios_of_the_block():
     block = tpd.Block(width=1.0, height=5.0, mass=2000.0)
     space = tpd.DesignSpace(mass=(100.0, 500.0), length=1.0)
     assert space.of(block) == tpd.DesignSpace(mass_ratio=(0.05, 0.25), length_ratio=0.4)

@@ -74,7 +74,7 @@ def damaged(design, tmp_path):
     return read
 
 
-def test_a_stored_design_is_read_as_it_was_written(design, damaged, tmp_path):
+def test_a_stored_design_is_read_back_unchanged(design, damaged, tmp_path):
     found = damaged()
     for name in ("pendulum", "status"):
         assert getattr(found, name) == getattr(design, name), name
@@ -119,14 +119,14 @@ def test_a_stored_design_is_read_as_it_was_written(design, damaged, tmp_path):
         ({"job": {"site": {"gravity": 0.0}}}, "[site] `gravity` must be positive and finite, but is 0"),
     ],
 )
-def test_a_damaged_file_is_refused_in_one_sentence(damaged, changes, sentence):
+def test_a_damaged_design_file_is_rejected_in_one_sentence(damaged, changes, sentence):
     with pytest.raises(ValueError, match=re.escape(sentence)) as refusal:
         damaged(**changes)
     assert "design.json" in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_path_begins_at_home(tmp_path, monkeypatch):
+def test_a_tilde_in_the_path_of_a_design_is_the_home_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     for path in ("~/design", "~/design/design.json"):
         with pytest.raises(ValueError, match=f"cannot read {tmp_path}/design"):

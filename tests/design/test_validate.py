@@ -46,7 +46,7 @@ def kinds(v) -> list[str]:
         ([0.01] * 50 + [0.1] * 50, [0.0] * 50 + [0.5] * 50, {}, "rests_less", (0.0, 50.0, 100)),
     ],
 )
-def test_every_reason_of_the_runs_and_its_numbers(with_it, without, requirements, kind, numbers):
+def test_each_reason_states_the_numbers_of_its_runs(with_it, without, requirements, kind, numbers):
     v = validated(paired(with_it, without), requirements=Requirements(**requirements))
     assert kinds(v) == ([] if kind is None else [kind])
     for reason in v.reasons:
@@ -81,7 +81,7 @@ def overturnings(*counts, tilts=(0.2, 0.4), runs=400, **more) -> PairedRuns:
         (0, 0, (0.2, 0.4), "overturning", "overturning", True),
     ],
 )
-def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, measure, refused):
+def test_the_required_measure_determines_the_verdict(with_it, without, tilts, stated, measure, refused):
     v = validated(
         overturnings(with_it, without, tilts=tilts), requirements=Requirements(reduce=stated, worse=1.0)
     )
@@ -94,7 +94,7 @@ def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, mea
     assert refused is not bool(gain.low > 0.05)
 
 
-def test_runs_that_are_quoted_have_the_measure_of_those_that_decided():
+def test_quoted_runs_use_the_measure_of_the_deciding_runs():
     """Of the runs that are quoted 1 % overturn without the pendulum, and of those that decided slightly
     fewer."""
 
@@ -109,7 +109,7 @@ def test_runs_that_are_quoted_have_the_measure_of_those_that_decided():
     assert validate(Twice(**given), DESIGN).measure == ""
 
 
-def test_identical_runs_are_no_benefit():
+def test_identical_runs_show_no_benefit():
     rng = np.random.default_rng(0).uniform(0.1, 0.9, 200)
     for least in (0.1, 0.0):
         v = validated(paired(rng, rng), requirements=Requirements(at_least=least))
@@ -117,7 +117,7 @@ def test_identical_runs_are_no_benefit():
         assert v.runs.benefit.low < v.runs.benefit.mean == 0.0 < v.runs.benefit.high
 
 
-def test_a_worse_condition_is_named_and_the_others_are_counted():
+def test_the_worst_condition_is_stated_and_further_ones_are_counted():
     group = np.arange(40) % 4
     with_it = np.array([0.1, 0.25, 0.4, 0.1])[group] * np.repeat(np.tile([0.98, 1.02], 5), 4)
     runs = paired(with_it, np.array([0.5, 0.2, 0.3, 0.5])[group], group)
@@ -132,7 +132,7 @@ def test_a_worse_condition_is_named_and_the_others_are_counted():
 @pytest.mark.parametrize(
     ("allowed", "kind"), [(None, ["touches_wall"]), (0.05, []), (0.049, ["touches_wall"])]
 )
-def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
+def test_an_allowed_share_of_surviving_runs_can_exceed_a_limit(allowed, kind):
     """Five of the hundred runs that stand swing beyond the limit, and more of those that overturn."""
     swing = np.where(np.arange(110) < 15, 0.6, 0.4)
     with_it = np.where(np.arange(110) < 10, np.inf, 0.1)
@@ -149,7 +149,7 @@ def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
     assert v.is_harmful is (allowed is None)
 
 
-def test_wall_contacts_in_the_transient_count():
+def test_wall_contact_in_the_transient_rejects_a_design():
     """The largest angles count for the walls, the settled ones for the stroke."""
     hung = NoisyProblem.of().pendulum(DESIGN)
     body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
@@ -166,7 +166,7 @@ def test_wall_contacts_in_the_transient_count():
         assert all(reason.limit == "clearance" for reason in v.reasons)
 
 
-def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
+def test_a_verdict_that_depends_on_runs_without_a_result_is_undecided():
     """Forty pairs show a benefit; ten more have no answer, and the block might overturn in all of them."""
     v = validated(paired([0.1] * 40 + [np.nan] * 10, [0.3] * 50))
     assert v.status is DesignStatus.undecided
@@ -184,7 +184,7 @@ def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
     assert kinds(validated(over, limits=limits)) == ["touches_wall"]
 
 
-def test_a_body_that_exceeds_a_limit_as_built_is_no_question_of_runs_without_an_answer():
+def test_a_bob_as_built_over_a_limit_is_rejected_despite_runs_without_a_result():
     """A body is wider than a ball of the point's mass: where the bob hardly swings it reaches further, in all
     runs that have an answer."""
     hung = NoisyProblem.of().pendulum(DESIGN)
@@ -206,7 +206,7 @@ def test_a_body_that_exceeds_a_limit_as_built_is_no_question_of_runs_without_an_
         assert v.status is DesignStatus.not_recommended
 
 
-def test_a_limit_on_the_mass_binds_the_built_body_before_any_run():
+def test_a_bob_as_built_over_the_mass_limit_is_rejected_without_runs():
     hung = NoisyProblem.of().pendulum(DESIGN)
     body, _ = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
     assert body > float(hung.mass)
@@ -219,7 +219,7 @@ def test_a_limit_on_the_mass_binds_the_built_body_before_any_run():
     assert kinds(validated(good, limits=(tpd.limits.Mass(1.001 * body),))) == []
 
 
-def test_more_overturning_from_rest_by_the_exact_solution_is_a_reason():
+def test_more_overturning_from_rest_in_the_linear_model_rejects_a_design():
     class Exact(Scripted):
         def exact(self, design):
             lost, total = (0, self.count) if design is None else (self.seed, self.count)
@@ -240,7 +240,7 @@ def test_more_overturning_from_rest_by_the_exact_solution_is_a_reason():
         assert (thorough.quoted is None) is harm
 
 
-def test_runs_that_decide_and_runs_that_are_quoted_are_disjoint():
+def test_deciding_and_quoted_runs_are_disjoint():
     problem = NoisyProblem.of()
     found = [validate(problem, DESIGN, attempt, attempt) for attempt in range(3)]
     seeds = [seed for _, seed in problem.asked]
@@ -256,7 +256,7 @@ def test_runs_that_decide_and_runs_that_are_quoted_are_disjoint():
     assert run_seed(NoisyProblem.of(seed=1), 0, 0) == run_seed(problem, 0, 0)
 
 
-def test_quoted_runs_that_show_harm_reject_a_design_and_a_smaller_benefit_does_not():
+def test_harm_in_the_quoted_runs_rejects_a_design_and_a_smaller_benefit_does_not():
     """The runs that decided have the benefit; those that are quoted have half of it, or harm."""
 
     class Twice(Scripted):
@@ -286,7 +286,7 @@ def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
     return paired(with_it, np.full(4 * count, 0.5), cluster=quakes)
 
 
-def test_runs_that_decide_are_quoted_with_intervals_that_allow_for_it():
+def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
     given = NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes()}
     v = validate(Once(**given), DESIGN)
     assert v.reasons == ()
@@ -311,7 +311,7 @@ def test_runs_that_decide_are_quoted_with_intervals_that_allow_for_it():
     assert margin == pytest.approx(min(alone.mean - 0.1, alone.low - 0.05))
 
 
-def test_earthquakes_that_are_held_back_do_not_decide():
+def test_quoted_earthquakes_do_not_decide():
     """With enough earthquakes one half decides, and the other one is quoted."""
     runs = in_earthquakes(80)
     v = validate(Scripted(**(NoisyProblem.of(limits=()).inputs | {"method": runs})), DESIGN)
@@ -323,7 +323,7 @@ def test_earthquakes_that_are_held_back_do_not_decide():
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.0])
-def test_too_few_earthquakes_are_the_status_whatever_the_runs_show(gain):
+def test_too_few_earthquakes_prevent_any_other_status(gain):
     class Few(Once):
         evidence = DesignStatus.too_few
 
@@ -332,7 +332,7 @@ def test_too_few_earthquakes_are_the_status_whatever_the_runs_show(gain):
     assert v.status is DesignStatus.too_few
 
 
-def test_sizes_in_runs_are_those_of_the_runs_own_block():
+def test_sizes_in_runs_use_the_scattered_block_of_each_run():
     """The walls of a more slender block are nearer, and a longer rod reaches further."""
     problem = NoisyProblem.of(limits=(tpd.limits.Clearance(), tpd.limits.Tilt(0.5)))
     runs = outcomes([0.1, 0.2, np.inf, np.nan], 0.3, design=DESIGN)

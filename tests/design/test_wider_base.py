@@ -13,7 +13,7 @@ from tpd.design.wider_base import WiderBase, wider_bases, worth_of
 BLOCK = tpd.Block(width=0.7, height=4.0, mass=2210.0)
 
 
-def test_a_wider_block_keeps_height_density_and_what_is_stated():
+def test_a_wider_block_keeps_height_density_and_stated_quantities():
     wider = BLOCK.widened(1.2)
     assert (wider.width, wider.height, wider.mass) == pytest.approx((0.84, 4.0, 2652.0))
     # A uniform rectangle and Housner's e follow the shape.
@@ -29,7 +29,7 @@ def test_a_wider_block_keeps_height_density_and_what_is_stated():
 
 
 @pytest.mark.parametrize("intensity", ["pga_star", "pgv_star", "pga", "scale"])
-def test_a_wider_block_is_shaken_by_the_same_accelerations(ground, intensity):
+def test_a_wider_block_has_the_same_ground_accelerations(ground, intensity):
     """PGA/(g tan alpha) depends on the block. Scaled again to the old level, it would be shaken more."""
     conditions = tpd.Conditions.records(ground.conditions.motions, (0.5, 1.5), intensity=intensity)
     problem = replace(ground.problem, conditions=conditions)
@@ -40,7 +40,7 @@ def test_a_wider_block_is_shaken_by_the_same_accelerations(ground, intensity):
 
 
 @pytest.mark.parametrize("kind", ["harmonic", "ground"])
-def test_a_base_of_the_stated_width_gives_the_validation_runs_without_a_pendulum(kind, request):
+def test_a_base_of_unchanged_width_reproduces_the_runs_without_pendulum(kind, request):
     design = request.getfixturevalue(kind)
     same = design.problem.with_block(design.scene.block.widened(1.0))
     found = same.validation_runs(None, design.runs.with_pendulum.seed)
@@ -48,7 +48,7 @@ def test_a_base_of_the_stated_width_gives_the_validation_runs_without_a_pendulum
         np.testing.assert_array_equal(getattr(found, name), getattr(design.runs.without_pendulum, name))
 
 
-def test_wider_bases_are_followed_until_one_is_worth_the_pendulum(harmonic, rejected):
+def test_bases_are_widened_until_one_has_the_effect_of_the_pendulum(harmonic, rejected):
     seen, runs = [], harmonic.runs
     bases = wider_bases(harmonic.problem, runs, "overturning", lambda *reported: seen.append(reported))
     assert seen[0] == ("wider bases", 0, 5)
@@ -83,7 +83,7 @@ def overturned(n):
     return np.where(np.arange(100) < n, np.inf, 0.2)
 
 
-def test_the_worth_is_interpolated_between_the_bases():
+def test_the_equivalent_widening_is_interpolated_between_the_bases():
     found = worth(overturned(15), overturned(40), overturned(30), overturned(10))
     assert found.widening == pytest.approx(0.175)
     assert (found.most, found.measure) == (0.2, "overturning")
@@ -92,7 +92,7 @@ def test_the_worth_is_interpolated_between_the_bases():
     assert worth(overturned(30), overturned(40), overturned(30)).widening == pytest.approx(0.1)
 
 
-def test_a_worth_beyond_the_bases_is_infinite_and_no_benefit_is_worth_nothing():
+def test_the_equivalent_widening_is_infinite_beyond_the_bases_and_zero_without_benefit():
     many = worth(overturned(2), overturned(40), overturned(30), overturned(10))
     assert many.widening == np.inf == many.high
     assert worth(overturned(45), overturned(40), overturned(30)).widening == 0.0
@@ -101,7 +101,7 @@ def test_a_worth_beyond_the_bases_is_infinite_and_no_benefit_is_worth_nothing():
     assert tongue.widening == pytest.approx(0.1)
 
 
-def test_runs_without_an_answer_do_not_count():
+def test_runs_without_a_result_do_not_change_the_equivalent_widening():
     def lost(n):
         return np.where(np.arange(100) < 50, np.nan, overturned(50 + n))
 
@@ -110,7 +110,7 @@ def test_runs_without_an_answer_do_not_count():
     assert worth(np.full(100, np.nan), overturned(40), overturned(30)) is None
 
 
-def test_the_measure_and_the_earthquakes_are_those_of_the_decision():
+def test_the_equivalent_widening_has_the_measure_and_clusters_of_the_decision():
     tilts = [np.full(100, x) for x in (0.3, 0.5, 0.4, 0.2)]
     found = worth(*tilts, measure="tilt")
     # All runs are alike, and so are all samples.
