@@ -23,7 +23,7 @@ exact, models, answers, engines, design, plots, report, explore, cli.
 | (20) to (24) | one harmonic without pendulum: mu = 0 | theory/harmonic_balance: parametric_branches |
 | (25) | block and pendulum, linear | theory/equations: Linear |
 | (26), (27) | one harmonic with the pendulum | theory/harmonic_balance: one_harmonic_branches |
-| not in the paper | Housner's velocity ratio | scene/impacts: housner |
+| not in the paper | Housner's coefficient of restitution | scene/impacts: housner |
 | not in the paper | law of impacts with a bob | scene/impacts: velocity_ratio, bob_change |
 | not in the paper | friction of equal loss | theory/free_rocking: equivalent_friction |
 """

@@ -82,16 +82,16 @@ class Requirements:
     """Smallest reduction of what `reduce` names with which a pendulum is recommended, as a share. The
     reduction must also be significant at 95 %."""
     reduce: Measure | None = None
-    """Measure that must fall: "overturning", the share of runs that overturn, "tilt", the mean tilt, in which
-    a run that overturns counts as 1, or "rate", the annual rate of overturning under ground motions of at
-    least three levels with a hazard. Default: overturning if the block overturns in at least 1 % of the
+    """Quantity that the pendulum must reduce: "overturning" (share of runs that overturn), "tilt" (mean tilt;
+    a run that overturns counts as 1), or "rate" (annual rate of overturning under ground motions, which needs
+    a hazard and at least three levels). Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial
     state."""
     wall_contacts: checks.Real | None = None
-    """Largest share of the standing runs in which the bob may touch a wall, during the transient or settled
-    (default 0.01). Under ground motions: largest share of the standing runs that may exceed any limit
+    """Largest share of the surviving runs in which the bob may touch a wall, during the transient or settled
+    (default 0.01). Under ground motions: largest share of the surviving runs that may exceed any limit
     (default 0.1)."""
 
     def __post_init__(self) -> None:
@@ -126,7 +126,7 @@ class Motion(NamedTuple):
     multiplier: Any
     """Largest modulus of the Floquet multipliers; 0 at rest."""
     reserve: Any
-    """Distance of the orbit from the bifurcation at which it stops attracting; 1 at rest."""
+    """Margin of the orbit to the loss of its stability, from 0 to 1; 1 at rest."""
 
 
 class _Sized(ABC):
@@ -418,7 +418,7 @@ class Worsening(_OneNumber):
 
 @dataclass(frozen=True)
 class Multiplier(_OneNumber):
-    """Largest modulus of the Floquet multipliers, below 1. This limit has no derivative, so that a search
+    """Largest modulus of the Floquet multipliers, below 1. This limit has no derivative: a search
     stops at it and does not move along it. `Reserve` has a derivative.
 
     Example:
@@ -440,8 +440,8 @@ class Multiplier(_OneNumber):
 
 @dataclass(frozen=True)
 class Reserve(_OneNumber):
-    """Smallest distance of a symmetric orbit from the bifurcation at which it stops attracting (fold, loss of
-    symmetry or torus). Without this limit a search over orbits ends at the boundary of stability.
+    """Smallest margin of a symmetric orbit to the loss of its stability (fold, loss of symmetry or torus),
+    from 0 to 1. Without this limit a search over orbits ends at the boundary of stability.
 
     Example:
         >>> import tpd
@@ -450,7 +450,7 @@ class Reserve(_OneNumber):
     """
 
     least: checks.Real = 0.05
-    """Smallest distance."""
+    """Smallest margin."""
     name: ClassVar[str] = "reserve"
     of_motion: ClassVar[bool] = False
 

@@ -1,7 +1,7 @@
 """Motions that a design can settle into, and the share of initial states that reach each of them.
 
 Rest, rocking of several kinds, chaos and overturning exist for the same design. The initial state and the
-phase of the excitation decide which motion is reached. The exact model therefore follows a seeded set of
+phase of the excitation decide which motion is reached. The linear model therefore follows a seeded set of
 initial states, and the settled motions are grouped.
 """
 
@@ -96,7 +96,7 @@ def attractors(
         subject: dimensionless parameters, or a scene, with plain numbers.
         pendulum: pendulum of the scene; None without a pendulum.
         starts: initial states, by default `Starts()`, which has 64 states and the seed 0.
-        model: settings of the exact model.
+        model: settings of the linear model.
         progress: True for a progress bar on stderr, or a function that is called with (number of followed
             initial states, number of all initial states).
 

@@ -3,7 +3,7 @@
 The models are, from simple to complete: the closed form of a block that never lifts (`uplift`), the exact
 solution of the linear equations (25) (`exact`), and the nonlinear equations (4) (`nonlinear`). The first two
 neglect terms of second order in the angles. Their error is estimated from their own solution, which cannot
-show that the nonlinear equations lead to another motion. The nonlinear equations are therefore followed from
+show that the nonlinear model leads to another motion. The nonlinear model is therefore followed from
 every initial state that is not near the settled motion.
 """
 
@@ -34,7 +34,7 @@ from tpd.theory.no_uplift import uplift
 INTEGRATED = 1e-5
 """Relative error of the nonlinear model: its integration error, with a margin."""
 SAFETY = 2.0
-"""Factor on the estimated error of the linear equations, because the estimate neglects how its parts add."""
+"""Factor on the estimated error of the linear model, because the estimate neglects how its parts add."""
 _NEAR = 0.02
 """Distance of an initial state from an attracting motion, relative to the scale of the state, up to which the
 initial state certainly reaches this motion."""
@@ -142,7 +142,7 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
 @eqx.filter_jit
 @jax.numpy_dtype_promotion("standard")
 def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
-    """Return the exact solution of the linear equations, and its estimated error."""
+    """Return the exact solution of the linear model, and its estimated error."""
 
     def size(p: Parameters) -> tuple[Number, Steady]:
         steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
@@ -155,7 +155,7 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
 
 
 def _is_same_motion(steady: Steady, reached: Run) -> bool:
-    """Whether the nonlinear equations reach the same motion as the linear ones."""
+    """Whether the nonlinear model reaches the same motion as the linear one."""
     if bool(steady.status == Status.rest) or not is_one_of(reached.status, *SETTLED):
         return bool(reached.status == steady.status)
     alike = abs(float(reached.settled_tilt) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)

@@ -86,12 +86,12 @@ class Check(Printed):
 
     @property
     def top(self) -> Answer:
-        """Result of the nonlinear equations."""
+        """Result of the nonlinear model."""
         return next(r for r in self.models if r.name == TOP)
 
     @property
     def objections(self) -> tuple[str, ...]:
-        """Sentences that explain why the nonlinear equations do not confirm the design; empty if they do."""
+        """Sentences that explain why the nonlinear model does not confirm the design; empty if they do."""
         return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
 
     def table(self) -> str:
@@ -201,7 +201,7 @@ def objections(amplitude: float, swing: float, status: str, limit: float, withou
 
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
-    """Return (amplitude, swing, status) with the nonlinear equations from rest, without derivatives."""
+    """Return (amplitude, swing, status) with the nonlinear model from rest, without derivatives."""
     run = follow(Terms.nonlinear, row_of(p), HarmonicForcing())
     return float(run.settled_tilt), float(run.settled_swing), status_name(run.status)
 

@@ -49,7 +49,7 @@ _HALVINGS = 20
 """Largest number of times that the beginning of a scan is halved: no pendulum reduces the factor that lifts
 its block by more than a million."""
 _NARROW = 1e-9
-"""Relative width below which an interval without an answer counts as a crossing."""
+"""Relative width below which an interval without a result counts as a crossing."""
 
 
 class CriticalScale(eqx.Module):
@@ -60,12 +60,12 @@ class CriticalScale(eqx.Module):
         tongues: intervals of factors at which the block overturns, shape (32, 2).
         scan: relative step of the scan.
         highest: largest factor of the scan.
-        undecided: intervals of factors without an answer, shape (32, 2).
+        undecided: intervals of factors without a result, shape (32, 2).
     """
 
     scale: Number
     """First factor of the scan at which the block begins to overturn. Infinite if no factor of the scan
-    overturns the block; NaN if it is unknown, because a run at a smaller factor has no answer. Derivatives
+    overturns the block; NaN if it is unknown, because a run at a smaller factor has no result. Derivatives
     with respect to block, pendulum and motion are exact; those of an infinite or unknown factor are NaN."""
     tongues: Float[Array, "tongues 2"]
     """Intervals of factors at which the block overturns, as far as the scan resolves them. The last one may
@@ -75,7 +75,7 @@ class CriticalScale(eqx.Module):
     highest: Number = float("nan")
     """Largest factor of the scan."""
     undecided: Float[Array, "tongues 2"] = eqx.field(default_factory=lambda: jnp.full((TONGUES, 2), jnp.nan))
-    """Intervals of factors at which runs have no answer, up to the next factors with an answer. NaN where
+    """Intervals of factors at which runs have no result, up to the next factors with a result. NaN where
     there are fewer intervals."""
 
     def __str__(self) -> str:
@@ -183,7 +183,7 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
 def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the first crossing of a scan, all tongues, and the intervals without an answer."""
+    """Return the first crossing of a scan, all tongues, and the intervals without a result."""
 
     def follow(scales: np.ndarray) -> Runs:
         rows = np.repeat(x[None], scales.size, axis=0)
@@ -244,7 +244,7 @@ def _padded(intervals: np.ndarray) -> np.ndarray:
 
 
 def overturning(table: Runs) -> np.ndarray:
-    """Return 1 for runs in which the block overturns, 0 if it does not, and NaN without an answer."""
+    """Return 1 for runs in which the block overturns, 0 if it does not, and NaN without a result."""
     return np.where(table.is_unanswered, np.nan, table.is_overturned)
 
 
@@ -260,7 +260,7 @@ def bisected(
         low_falls: whether the block overturns at `lo` (and not at `hi`).
 
     Returns:
-        Lower and upper ends, and whether each interval is narrow. Runs without an answer may prevent this.
+        Lower and upper ends, and whether each interval is narrow. Runs without a result may prevent this.
     """
     lo, hi, is_narrow = lo.copy(), hi.copy(), np.ones(len(lo), dtype=bool)
     share, places = np.linspace(0.0, 1.0, _SECTIONS + 1), np.arange(_SECTIONS + 1)

@@ -53,17 +53,17 @@ class Curve:
     state: str
     """Name of the damage state."""
     shares: np.ndarray
-    """Share of the answered motions that reach the state, shape (stripes,); NaN if no motion is answered."""
+    """Share of the motions with a result that reach the state, shape (stripes,); NaN if no motion has one."""
     counts: np.ndarray
     """Number of motions that reach the state, shape (stripes,)."""
     total: np.ndarray
     """Number of motions with an answer, shape (stripes,)."""
     undecided: np.ndarray
-    """Number of motions without an answer, shape (stripes,). Neither `shares` nor `fit` counts them."""
+    """Number of motions without a result, shape (stripes,). Neither `shares` nor `fit` counts them."""
     fit: Lognormal
     """Lognormal distribution with its uncertainty."""
     medians: tuple[float, float]
-    """Medians of the two extreme fits: all motions without an answer reach the state, and none does."""
+    """Medians of the two extreme fits: all motions without a result reach the state, and none does."""
 
     @property
     def words(self) -> tuple[str, str]:
@@ -98,8 +98,8 @@ class Fragility(Printed, Cases):
         quakes: number of the earthquake of each motion.
         measure: quantity of the stripes, with one of them in SI units.
         first_crossings: median of the lowest stripe that reaches a state, by damage state.
-        changed: share of the outcomes that the nonlinear equations change, for each case.
-        unanswered: number of runs without an answer with the nonlinear equations, for each case.
+        changed: share of the outcomes that the nonlinear model changes, for each case.
+        unanswered: number of runs without a result with the nonlinear model, for each case.
     """
 
     intensity: str
@@ -116,11 +116,11 @@ class Fragility(Printed, Cases):
     """Fragility curves by damage state, for each case."""
     p_values: dict[str, np.ndarray] | None
     """p-values by damage state, shape (stripes,): two-sided probability of a difference at least this large
-    if the pendulum had no effect (McNemar's exact test over earthquakes). If motions have no answer, the
+    if the pendulum had no effect (McNemar's exact test over earthquakes). If motions have no result, the
     value is the largest that their outcomes allow. None without a pendulum."""
     tilts: np.ndarray
     """Largest tilt divided by the slenderness, shape (cases, motions, stripes). Infinite if the block
-    overturns, NaN without an answer."""
+    overturns, NaN without a result."""
     quakes: np.ndarray
     """Number of the earthquake of each motion, shape (motions,)."""
     measure: Measure
@@ -128,12 +128,12 @@ class Fragility(Printed, Cases):
     first_crossings: dict[str, tuple[float, ...]]
     """Median of the lowest stripe that reaches a state, by damage state and for each case. Infinite if fewer
     than half of the motions reach it. The value depends on the stripes, and is below the median of the curve
-    if a larger motion may have a smaller effect. NaN if it depends on motions without an answer."""
+    if a larger motion may have a smaller effect. NaN if it depends on motions without a result."""
     changed: tuple[float, ...] | None
-    """Share of the runs for which the nonlinear equations change the outcome overturned or not, among the
-    runs that both equations answer; NaN if there are none. None if the nonlinear equations were not used."""
+    """Share of the runs for which the nonlinear model changes the outcome overturned or not, among the
+    runs with a result in both models; NaN if there are none. None if the nonlinear model was not used."""
     unanswered: tuple[int, ...] | None = None
-    """Number of runs without an answer with the nonlinear equations, for each case."""
+    """Number of runs without a result with the nonlinear model, for each case."""
     p_medians: dict[str, float] | None = None
     """p-value of the difference of the medians by damage state: the exact two-sided sign test over
     earthquakes, in each of which one case reaches the state in more runs. None without a pendulum."""
@@ -141,7 +141,7 @@ class Fragility(Printed, Cases):
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each case, damage state and stripe.
 
-        They have the numbers of motions with and without an answer, and the probability on the fitted curve.
+        They have the numbers of motions with and without a result, and the probability on the fitted curve.
         """
         curves = [curve for case in self.cases for curve in case.values()]
         # The rows are in the order of cases, states and stripes.
@@ -228,7 +228,7 @@ def fragility(
             "sa_g" are in g; "scale" is the factor on each motion as it is.
         period: period of the spectral acceleration, s.
         states: damage states by name: the tilt divided by the slenderness that a motion must exceed.
-        nonlinear: whether the nonlinear equations also follow all motions, to count the changed outcomes.
+        nonlinear: whether the nonlinear model also follows all motions, to count the changed outcomes.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after each ground motion, s.
         workers: number of threads; all cores by default.
@@ -334,7 +334,7 @@ def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) 
 def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
     """Return the median of the lowest stripe at which each motion reaches a state.
 
-    NaN if the median depends on motions without an answer.
+    NaN if the median depends on motions without a result.
     """
     # The two extremes: no unknown outcome reaches the state, and all do.
     medians = []

@@ -25,10 +25,10 @@ motion, and their number depends on the rate at which the block is set to rest."
 
 @dataclass(frozen=True)
 class MotionHistory:
-    """Time history of a block under a ground motion, from the exact solution of the linear equations.
+    """Time history of a block under a ground motion, from the exact solution of the linear model.
 
     Rows are NaN from the time at which an overturning block reaches a right angle, and after the end of a
-    motion without an answer.
+    motion without a result.
     """
 
     times: np.ndarray
@@ -55,7 +55,7 @@ class MotionHistory:
     """Loads of the pendulum, shape (times, 4): horizontal and vertical force of the hinge on the bob (N),
     angular rate of the rod, and angular rate between rod and block (rad/s). None without a pendulum."""
     toppling: float = np.inf
-    """Tilt (rad) at which the block topples according to the linear equations, the slenderness."""
+    """Tilt (rad) at which the block topples according to the linear model, the slenderness."""
 
     @property
     def overturned(self) -> bool:
@@ -65,7 +65,7 @@ class MotionHistory:
     def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
         """Return the largest loads of the pendulum of this motion.
 
-        The forces are those of the linear equations plus the centripetal force of the rod.
+        The forces are those of the linear model plus the centripetal force of the rod.
 
         Returns:
             Largest force along the rod (N), largest force of the hinge (N), and largest angular rate between

@@ -1,4 +1,4 @@
-"""Periodic orbits of the exact model near a state: of period n, asymmetric, sticking, resting, with impacts.
+"""Periodic orbits of the linear model near a state: of period n, asymmetric, sticking, resting, with impacts.
 
 Newton's method on the map of the periods of the orbit finds both attracting and repelling orbits
 (`tpd.compiled.period_map`). An orbit can therefore be continued where no simulation would stay near it. Its

@@ -186,7 +186,7 @@ class Response(Printed, Tabular):
     """Name of the varying parameter or quantity."""
     runs: np.ndarray | None = None
     """Runs from rest near the values, shape (2, m). The first row has the frequency of each run, the second
-    row 1 if the block overturns, 0 if it does not, and NaN without an answer. The frequencies are powers of
+    row 1 if the block overturns, 0 if it does not, and NaN without a result. The frequencies are powers of
     one number, which is the same in every response, so that two responses count the same runs. None if
     another quantity than the frequency varies."""
 

@@ -47,13 +47,13 @@ class OverturningSpectrum(Cases):
     pulse: Pulse
     """Pulse that gives kind, cycles and phase. Frequency and size vary."""
     frequency_ratios: np.ndarray
-    """omega_p/p, shape (frequencies,), where p is the rate omega0 of the block in the linear equations."""
+    """omega_p/p, shape (frequencies,), where p is the rate omega0 of the block in the linear model."""
     acceleration_ratios: np.ndarray
     """a_p/(g tan alpha), shape (accelerations,): largest acceleration divided by the acceleration that lifts
     a block without a pendulum and without friction."""
     cases: np.ndarray
     """Outcomes without the pendulum and, if there is one, with it, shape (cases, accelerations, frequencies).
-    -1 has no answer, 0 stands, 1 rocks, and 2 + n overturns after n impacts."""
+    -1 has no result, 0 stands, 1 rocks, and 2 + n overturns after n impacts."""
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each pulse: both ratios, and the numbers of the outcomes."""
@@ -62,7 +62,7 @@ class OverturningSpectrum(Cases):
         return {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel(), **cells}
 
     def safe(self) -> np.ndarray:
-        """Return the share of the answered cells in which the block does not overturn, for each case.
+        """Return the share of the cells with a result in which the block does not overturn, for each case.
 
         NaN if no cell has an answer.
         """
@@ -71,7 +71,7 @@ class OverturningSpectrum(Cases):
         return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in answered])
 
     def undecided(self) -> np.ndarray:
-        """Return the number of cells without an answer, for each case."""
+        """Return the number of cells without a result, for each case."""
         return np.sum(self.cases == UNDECIDED, axis=(1, 2))
 
 
@@ -150,17 +150,17 @@ class RockingSpectrum(Cases):
     """
 
     periods: np.ndarray
-    """2 pi/p in s, shape (periods,), where p is the rate omega0 of the block in the linear equations."""
+    """2 pi/p in s, shape (periods,), where p is the rate omega0 of the block in the linear model."""
     cases: np.ndarray
     """Largest |phi|/nu without the pendulum and, if there is one, with it, shape (cases, periods). Infinite
-    if the block overturns, NaN without an answer."""
+    if the block overturns, NaN without a result."""
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each block: 2 pi/p in s, and the largest tilts over nu."""
         return {"period_s": self.periods, **dict(zip(CASE_KEYS, self.cases, strict=False))}
 
     def undecided(self) -> np.ndarray:
-        """Return the number of blocks without an answer, for each case."""
+        """Return the number of blocks without a result, for each case."""
         return np.sum(np.isnan(self.cases), axis=1)
 
 

@@ -151,8 +151,8 @@ def steady_state(
 
     Args:
         p: dimensionless parameters. Derivatives with respect to them are exact.
-        model: `Piecewise()`, the exact solution of the linear equations (default); `Smoothed()`;
-            `Nonlinear()`, the nonlinear equations, without derivatives; or `Auto()`, which selects a model.
+        model: `Piecewise()`, the exact solution of the linear model (default); `Smoothed()`;
+            `Nonlinear()`, the nonlinear model, without derivatives; or `Auto()`, which selects a model.
             The amplitude of `Smoothed()` is compared with that of the exact motion from the same initial
             state. If they differ by more than 5 %, the status is inexact, see `Steady.estimate`.
         y0: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau. By default block
@@ -203,7 +203,7 @@ def simulate(
 ) -> Trajectory:
     """Compute the states of a motion at given times, from the initial state `y0` at `times[0]`.
 
-    After an overturning the states of the exact model and their derivatives are NaN, and the status is
+    After an overturning the states of the linear model and their derivatives are NaN, and the status is
     overturned. Derivatives with respect to `p` and `y0` are exact in forward and reverse mode; derivatives
     with respect to `times` exist in forward mode only.
 

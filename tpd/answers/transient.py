@@ -45,7 +45,7 @@ class Transient(eqx.Module):
     NaN, and `status` gives the reason. The derivatives of a time that is infinite or zero, of the time of
     overturning, and all second derivatives are also NaN. Counts have no derivatives.
 
-    With the nonlinear equations (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
+    With the nonlinear model (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
     the block overturns if its tilt reaches a right angle before the end.
 
     Attributes:
@@ -85,8 +85,8 @@ class Transient(eqx.Module):
     state: Float[Any, "... 4"]
     """(phi, psi, phi', psi') at the end, in rad and rad/s."""
     status: Status
-    """Outcome: stood, rocked, overturned, grazing (the motion touches an event without crossing it, so that
-    there is no derivative), event_bound or failed."""
+    """Outcome: stood, rocked, overturned, grazing (the motion only just reaches an event, and there is no
+    derivative), event_bound or failed."""
 
     def __str__(self) -> str:
         if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
@@ -119,14 +119,14 @@ def transient(
     `Piecewise()` solves the linear equations (25) exactly, with the base acceleration instead of the
     harmonic: a record is linear between its samples, and no event is missed. After the ground motion the
     block moves freely for `free` seconds. If its last arc cannot return, the block overturns, whatever its
-    tilt at the end is. `Transient` explains the results of the nonlinear equations.
+    tilt at the end is. `Transient` explains the results of the nonlinear model.
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
         pendulum: pendulum of the block; None for the block without a pendulum.
         y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default. A positive acceleration
             of the base tilts a block at rest to positive phi, and swings the bob to negative psi.
-        model: `Piecewise()`, the exact solution of the linear equations (default), or `Nonlinear()`, the
+        model: `Piecewise()`, the exact solution of the linear model (default), or `Nonlinear()`, the
             nonlinear equations (4), of which `rtol` and `rest_rate` are used.
         free: duration of the free motion after the ground motion, s.
         max_events: largest number of events, in addition to one for each piece of the ground motion.

@@ -75,7 +75,7 @@ of impacts."""
 
 
 class Loads(NamedTuple):
-    """Largest loads over the motions in which the block stands, by the linear equations and without impacts.
+    """Largest loads over the motions in which the block stands, by the linear model and without impacts.
 
     The values need not occur at the same time. If the block stands in no motion, they are the values of a
     free swing from the largest angle.
@@ -152,7 +152,7 @@ class PullTest(NamedTuple):
 
 
 class Sensitivity(NamedTuple):
-    """Benefit if one quantity differs from its stated value, by paired runs of the linear equations."""
+    """Benefit if one quantity differs from its stated value, by paired runs of the linear model."""
 
     name: str
     """Name in `tpd.scene.conditions.FACTORS`; empty for the stated values."""
@@ -165,14 +165,14 @@ class Sensitivity(NamedTuple):
 
 
 class LossCase(NamedTuple):
-    """Paired runs in which the block loses its energy in another way, by the linear equations."""
+    """Paired runs in which the block loses its energy in another way, by the linear model."""
 
     name: str
     """"friction", "impacts" or "friction and impacts"."""
     friction: float
     """Friction k."""
     velocity_ratio: float
-    """Velocity ratio e at an impact, without a pendulum."""
+    """Coefficient of restitution e at an impact, without a pendulum."""
     runs: PairedRuns
     """Runs with and without the pendulum."""
 
@@ -259,7 +259,7 @@ class Details(Printed):
     """All further results that a report shows with a design. A part that does not apply is None or empty."""
 
     build: Build | None = None
-    """Pendulum as built; None if no pendulum is offered."""
+    """Pendulum as built; None if no pendulum is recommended."""
     sensitivity: tuple[Sensitivity, ...] = ()
     """Benefit if one quantity differs from its stated value."""
     losses: tuple[LossCase, ...] = ()
@@ -269,8 +269,8 @@ class Details(Printed):
     histories: tuple[TimeHistory, ...] = ()
     """Motions from rest under harmonic excitation, without and with the pendulum."""
     responses: tuple[Response, ...] = ()
-    """Settled response over frequency after a start from rest, without a pendulum and with the one that is
-    offered. It is computed only if the conditions differ in the motion of the base alone."""
+    """Steady-state response over frequency after a start from rest, without a pendulum and with the
+    recommended one. It is computed only if the conditions differ in the excitation alone."""
     lower_hinge: PairedRuns | None = None
     """Paired runs with the hinge at mid-height. The value is None if the hinge is not above that height, or
     if the rod is longer."""
@@ -279,7 +279,7 @@ class Details(Printed):
     rule: Rule | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     worth: Worth | None = None
-    """Widening of the base that is worth as much as the pendulum; None if no pendulum is offered."""
+    """Widening of the base that is worth as much as the pendulum; None if no pendulum is recommended."""
     transfer: tuple[Transfer, ...] | str = ()
     """Shares that overturn under the other sets of records, or a sentence why they are unknown."""
     front: tuple[FrontPoint, ...] = ()
@@ -369,7 +369,7 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 
 
 def build_of(design: Design) -> Build | None:
-    """Return the pendulum of a design as built; None if no pendulum is offered."""
+    """Return the pendulum of a design as built; None if no pendulum is recommended."""
     pendulum, scene = design.pendulum, design.scene
     if pendulum is None:
         return None
@@ -453,9 +453,9 @@ def parts_of(build: Build, inertia: float) -> Parts:
 
 
 def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sensitivity, ...]:
-    """Return how the benefit depends on uncertain quantities; empty if no pendulum is offered.
+    """Return how the benefit depends on uncertain quantities; empty if no pendulum is recommended.
 
-    One quantity is varied at a time, with the same runs of the linear equations.
+    One quantity is varied at a time, with the same runs of the linear model.
     """
     if design.pendulum is None:
         return ()
@@ -478,7 +478,7 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
 def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase, ...]:
     """Return paired runs of a block that loses energy by friction only, by impacts only, and by both.
 
-    The result is empty if no pendulum is offered.
+    The result is empty if no pendulum is recommended.
     """
     if design.pendulum is None:
         return ()
@@ -491,7 +491,7 @@ def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase
 
 
 def bases_of(design: Design) -> tuple[PairedRuns, ...]:
-    """Return paired runs of the block on its whole base and on 90 % of it; empty if no pendulum is offered.
+    """Return paired runs of the block on its whole base and on 90 % of it; none without a pendulum.
 
     nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
     """
@@ -517,7 +517,7 @@ def _compare(
     more: Conditions | None = None,
     problem: Problem | None = None,
 ) -> PairedRuns:
-    """Return paired runs of the linear equations in a changed scene or problem, or under a further
+    """Return paired runs of the linear model in a changed scene or problem, or under a further
     condition."""
     problem, pendulum = problem or design.problem, design.pendulum
     assert pendulum is not None

@@ -102,10 +102,10 @@ class Assessment(Printed):
     problem: Problem
     """Block, excitation and conditions."""
     stated: Runs | None
-    """Runs of the nonlinear equations of the stated block from rest, one under each excitation; None if no
+    """Runs of the nonlinear model of the stated block from rest, one under each excitation; None if no
     excitation lifts the block."""
     runs: Runs | None
-    """Validation runs of the nonlinear equations without a pendulum, in which the block varies; None if no
+    """Validation runs of the nonlinear model without a pendulum, in which the block varies; None if no
     excitation lifts the block."""
 
     @property
@@ -215,7 +215,7 @@ def assess(
     """Simulate the block without a pendulum under one or many conditions.
 
     Args:
-        scene: block and base motion. Under ground motions a block alone is sufficient.
+        scene: block and excitation. Under ground motions a block alone is sufficient.
         conditions: default `Conditions.around(scene)`; for ground motions `Conditions.records`.
         progress: True for a progress bar on stderr, or a function of (stage, done, total).
         settings: further arguments of `tpd.optimise`, such as `ensemble` and `seed`. Limits have no effect.

@@ -32,7 +32,7 @@ class Design(Printed):
     """Result of `tpd.optimise`, with the problem that it answers. Lengths are in m, masses in kg, angles in
     rad.
 
-    `status` is the verdict, and `pendulum` is the pendulum, or None if none is offered. `benefit` is the
+    `status` is the verdict, and `pendulum` is the pendulum, or None if none is recommended. `benefit` is the
     share by which the mean tilt falls. `refusals` are sentences with the reasons against the best design that
     was validated. `print(design)` shows all of these.
 
@@ -82,14 +82,14 @@ class Design(Printed):
 
     @property
     def pendulum(self) -> Pendulum | None:
-        """Pendulum that the design offers; None if it offers none."""
+        """Recommended pendulum; None if none is recommended."""
         return self.validated[-1].pendulum if self.status in OFFERED else None
 
     @cached_property
     def best(self) -> Validated | None:
         """Best validated design, or None if no design was validated.
 
-        This is the design that is offered. If none is offered, it is the design whose shortfalls have the
+        This is the recommended design. If none is recommended, it is the design whose shortfalls have the
         smallest sum.
         """
 
@@ -150,7 +150,7 @@ class Design(Printed):
 
     @property
     def refusals(self) -> tuple[str, ...]:
-        """Sentences against the best design, dangers first; empty if a pendulum is offered."""
+        """Sentences against the best design, dangers first; empty if a pendulum is recommended."""
         if self.best is not None:
             return self.best.refusals
         if self.status is not DesignStatus.none_feasible or self.trials is None:
@@ -189,7 +189,7 @@ class Design(Printed):
 
     @property
     def remedy(self) -> str:
-        """Words for the inputs that can change the answer; empty if a pendulum is offered or not needed.
+        """Words for the inputs that can change the answer; empty if a pendulum is recommended or not needed.
 
         They are the limits without which a trial is better, and fixed values and bounds of the design space.
         """
@@ -258,7 +258,10 @@ class Design(Printed):
 
     @property
     def risks(self) -> tuple[float, float]:
-        """Mean severity with the offered pendulum (NaN if none is offered), and without a pendulum."""
+        """Mean tilt (share of the toppling angle) with the recommended pendulum, and without a pendulum.
+
+        The first is NaN if no pendulum is recommended.
+        """
         if self.runs is None:
             return math.nan, math.nan if self.trials is None else self.trials.without_pendulum
         # The severities are those of the validation runs, which are nonlinear.
@@ -299,7 +302,7 @@ class FrontPoint(NamedTuple):
     status: str
     """Name of the status of the design."""
     pendulum: Pendulum | None
-    """Pendulum of the design; None if none is offered."""
+    """Pendulum of the design; None if none is recommended."""
     benefit: tuple[float, float, float]
     """Share by which the mean tilt falls in validation runs, with the lower and the upper end of the 95 %
     interval; NaN without a pendulum."""

@@ -25,9 +25,9 @@ class Descent:
     """Settings of the search under harmonic excitation.
 
     Optax descends on gradients of a smoothed model. SciPy's SLSQP then refines the best results with exact
-    gradients. By default the model smooths signs and impacts, diffrax integrates the equations (25), and each
-    step improves the design and its orbit together (see `tpd.design.orbits`). The descents come near the
-    optimum. A few steps of SLSQP then reach it.
+    gradients. By default smooth functions replace friction and impacts, diffrax integrates the equations
+    (25), and each step improves the design and its orbit together (see `tpd.design.orbits`). The descents
+    come near the optimum. A few steps of SLSQP then reach it.
 
     Raises:
         ValueError: a count is out of range, the optimiser needs more than gradients, or the model is unknown.

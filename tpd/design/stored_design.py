@@ -32,7 +32,7 @@ class StoredDesign(Printed):
     status: DesignStatus
     """Verdict on the design."""
     pendulum: Pendulum | None
-    """Pendulum of the design, in SI units; None if none is offered."""
+    """Pendulum of the design, in SI units; None if none is recommended."""
     tables: dict[str, Any]
     """Tables of the job file that repeats the search."""
     versions: dict[str, str]

@@ -217,14 +217,14 @@ class _Conditions(msgspec.Struct):
     )
     """Number of frequencies in the band."""
     amplitudes: Annotated[tuple[float, ...] | None, Key("X", _HARMONIC)] = None
-    """Factors on the amplitude of the base motion."""
+    """Factors on the amplitude of the excitation."""
     samples: Annotated[int, Key(kinds=_HARMONIC, need=_WIDTH)] = 64
     """Number of samples of the quantities in [scatter]."""
 
 
 class _Starts(msgspec.Struct):
     kind: Annotated[Literal["any", "rest"], Key(kinds=_HARMONIC)] = "any"
-    """Initial states: any (the largest motion that attracts), or rest (wherever rest is possible)."""
+    """Initial states: any (the largest stable motion), or rest (wherever rest is possible)."""
 
 
 class _Search(msgspec.Struct):

@@ -66,7 +66,7 @@ def wider_bases(
     Args:
         problem: problem of the design.
         runs: validation runs that the report quotes.
-        measure: measure by which the pendulum was chosen; empty if no pendulum is offered.
+        measure: measure by which the pendulum was chosen; empty if no pendulum is recommended.
         progress: function of (stage, bases done, total).
     """
     bases = list[WiderBase]()

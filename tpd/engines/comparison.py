@@ -40,7 +40,7 @@ _LAST = 10
 _FREE = 10.0
 """Duration of the free motion after a ground motion, s."""
 MATCH = 0.01
-"""Largest difference between the velocity ratios of two impacts that count as equal."""
+"""Largest difference between the coefficients of restitution of two impacts that count as equal."""
 _RESOLVED = 0.02
 """Smallest change of the mean tilt, in units of the tilt of static overturning, whose sign is reported."""
 
@@ -57,8 +57,8 @@ class EngineVerdict(Printed):
         sliding: coefficient of friction against sliding.
         with_engine: runs in the engine, with and without the pendulum.
         finer: first of these runs with a fifth of the time step.
-        with_equations: the same runs with the nonlinear equations.
-        restitution: velocity ratio of impacts in the engine.
+        with_equations: the same runs with the nonlinear model.
+        restitution: coefficient of restitution of impacts in the engine.
         step: time step, s.
     """
 
@@ -77,10 +77,10 @@ class EngineVerdict(Printed):
     finer: tuple[EngineRuns, EngineRuns]
     """The first of these runs with a fifth of the time step."""
     with_equations: tuple[EngineRuns, EngineRuns]
-    """Runs with the nonlinear equations and the losses of the scene, without sliding and
+    """Runs with the nonlinear model and the losses of the scene, without sliding and
     bouncing."""
     restitution: float
-    """Velocity ratio of impacts in the engine, measured with free rocking."""
+    """Coefficient of restitution of impacts in the engine, measured with free rocking."""
     step: float
     """Time step, s."""
 
@@ -262,7 +262,7 @@ class _Case:
     """Function that reports the progress."""
 
     def restitution(self) -> float:
-        """Return the velocity ratio of the impacts in the engine.
+        """Return the coefficient of restitution of the impacts in the engine.
 
         Raises:
             ValueError: the impacts are not Housner's.
@@ -308,7 +308,7 @@ class _Case:
         return follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
-        """Follow all runs with the nonlinear equations."""
+        """Follow all runs with the nonlinear model."""
         runs, n = self.plan(pendulum), self.ensemble.size
         (x, forcing), *_ = self._excitation(runs, n)
         # A run without an answer counts as overturned, because it must not look safe.

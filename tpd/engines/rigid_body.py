@@ -82,7 +82,7 @@ class RigidBody:
 
     @property
     def housner(self) -> float:
-        """Velocity ratio of Housner's impact without a pendulum."""
+        """Coefficient of restitution of Housner's impact without a pendulum."""
         # The impact conserves the angular momentum about the new corner.
         a2, b2 = self.half_width**2, self.half_height**2
         gyration2 = self.inertia / self.mass

@@ -182,10 +182,11 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
 
 
 def free_rocking(body: RigidBody) -> float:
-    """Return the velocity ratio of the first impact of free rocking in MuJoCo, without pendulum and friction.
+    """Return the coefficient of restitution of the first impact of free rocking in MuJoCo.
 
-    The block is released from half of its toppling tilt. The ratio is the square root of the ratio of the
-    energies after and before the impact. The result is NaN if there is no impact.
+    The block, without pendulum and friction, is released from half of its toppling tilt. The coefficient is
+    the square root of the ratio of the energies after and before the impact. The result is NaN if there is no
+    impact.
     """
     mujoco = _mujoco()
     model = mujoco.MjModel.from_xml_string(body.mjcf())

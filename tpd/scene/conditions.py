@@ -21,7 +21,7 @@ from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Scene
 
 FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping", "restitution")
-"""Quantities that can vary: amplitude and frequency of the base motion, k, nu, the m, l and zeta of the
+"""Quantities that can vary: amplitude and frequency of the excitation, k, nu, the m, l and zeta of the
 pendulum, and e. Seeded samples depend on the order, so a new name must come last."""
 
 HARMONIC_PERIODS = 40
@@ -304,7 +304,7 @@ class Conditions:
 
     @staticmethod
     def amplitudes(*factors: checks.Real) -> Conditions:
-        """Return amplitudes of the base motion, as factors on that of the scene.
+        """Return amplitudes of the excitation, as factors on that of the scene.
 
         Raises:
             ValueError: there is no factor, or a factor is not positive.

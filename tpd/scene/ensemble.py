@@ -82,7 +82,7 @@ class Ensemble:
     the start of the run. A run that starts at another phase therefore starts with the share that is reached
     at this phase."""
     amplitude: checks.Real = 0.01
-    """Relative half width of the amplitude of the base motion."""
+    """Relative half width of the amplitude of the excitation."""
     frequency: checks.Real = 0.01
     """Relative half width of the frequency; the amplitude of the displacement does not change."""
     friction: checks.Real = 0.2
@@ -235,8 +235,8 @@ class Starts:
 
     @staticmethod
     def any() -> Starts:
-        """Return an object that stands for any initial state: the problem concerns all symmetric orbits that
-        attract."""
+        """Return an object that stands for any initial state: the problem concerns all stable symmetric
+        orbits."""
         return Starts(size=1, kind=StartKind.any)
 
     def states(self, nu: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Ground motions: base motions that are not harmonic, and pulses in closed form."""
+"""Ground motions: excitations that are not harmonic, and pulses in closed form."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ variation between earthquakes cannot be estimated."""
 GREATEST_PULSE = 1e4
 """Largest acceleration of a pulse, m/s^2."""
 FREQUENCIES = 1e-6, 1e6
-"""Lowest and highest frequency of a base motion, Hz."""
+"""Lowest and highest frequency of an excitation, Hz."""
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
 """Largest number of periods of an envelope, and of a train of sines."""

@@ -26,7 +26,7 @@ def velocity_ratio(
         r = [A + mu rho q q'] / (1 + mu rho q^2),    q = kappa sin(psi) - s nu cos(psi),
         A = e (1 + mu rho nu^2) + mu rho nu^2,       q' = kappa sin(psi) + s nu cos(psi).
 
-    At psi = 0 this is e, the ratio of the linear equations. With Housner's e the constant is A = 1 - 2 rho
+    At psi = 0 this is e, the coefficient of the linear model. With Housner's e the constant is A = 1 - 2 rho
     nu^2, as without a pendulum, and the momentum is conserved. If e is larger than (1 - mu rho nu^2)/(1 + mu
     rho nu^2), A exceeds 1, and a bob at a large angle would give energy to the block. Therefore r is at most
     sqrt[(1 + mu rho q'^2)/(1 + mu rho q^2)], which conserves the energy. With e = 1 there is no jump.
@@ -63,12 +63,12 @@ def bob_change(ratio: Any, e: Any, nu: Any, lam: Any, kappa: Any, side: Any, sin
 
 
 def linear_ratio(e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> Any:
-    """Return `velocity_ratio` in the linear equations, in which the bob hangs vertically below its hinge."""
+    """Return `velocity_ratio` in the linear model, in which the bob hangs vertically below its hinge."""
     return velocity_ratio(e, nu, mu, lam, rho, kappa, 1.0, 0.0, 1.0)
 
 
 def linear_bob_change(ratio: Any, e: Any, nu: Any, mu: Any, lam: Any, rho: Any, kappa: Any) -> Any:
-    """Return `bob_change` in the linear equations."""
+    """Return `bob_change` in the linear model."""
     return bob_change(ratio, e, nu, lam, kappa, 1.0, 0.0, 1.0)
 
 
@@ -81,7 +81,7 @@ def select(condition: Any, of_true: Any, of_false: Any) -> Any:
 
 
 def housner(nu: Any, rho: Any, mu: Any = 0.0) -> Any:
-    """Return Housner's velocity ratio e = [1 - rho nu^2 (2 + mu)]/(1 + mu rho nu^2) of an impact at psi = 0.
+    """Return Housner's coefficient of restitution at psi = 0, [1 - rho nu^2 (2 + mu)]/(1 + mu rho nu^2).
 
     Arguments are numbers, arrays or traced values. Before the impact the block rotates about one corner, and
     after the impact about the other. The impact force acts at the new corner and has no moment about it, so

@@ -20,7 +20,7 @@ else:
     Number = Any
 
 SLENDERNESS_LIMIT = 0.5
-"""Largest width over height for which the linear equations are offered. They neglect terms of relative order
+"""Largest width over height for which the linear model is offered. It neglects terms of relative order
 nu**2, which is one quarter at this limit."""
 
 GREATEST = 1e12
@@ -40,7 +40,7 @@ class Parameters:
     Symbols are those of (25) in Collini et al. (2016), the paper behind this package. The fields are the
     slenderness `nu`, the mass ratio `mu`, the length ratio `lam`, the damping ratio `zeta`, the friction `k`,
     the amplitude `f` and the frequency ratio `xi` of the excitation, the inertia ratio `rho` (None: a uniform
-    rectangle), the velocity ratio `e` at an impact (None: Housner's), and the height `kappa` of the hinge
+    rectangle), the coefficient of restitution `e` (None: Housner's), and the height `kappa` of the hinge
     above the base over the half height (2, the top of the block).
 
     The class is a pytree of numbers. Fields may also contain arrays or traced values. Plain numbers and
@@ -74,8 +74,9 @@ class Parameters:
     """Inertia ratio b**2/(a**2 + b**2 + c**2), with the radius of gyration c about the centroid. None means
     that it follows from `nu` as for a uniform rectangle, also in gradients."""
     e: Number | None
-    """Velocity ratio at an impact at zero tilt and psi = 0, of the block with its bob; 1 means no loss. None
-    means that it follows from `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in gradients."""
+    """Coefficient of restitution of an impact at zero tilt and psi = 0, of the block with its bob; 1 means no
+    loss. None means that it follows from `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in
+    gradients."""
     kappa: Number
     """Height of the hinge above the base over the half height of the block, up to 4. The paper has 2, the top
     of the block; a mast has more."""
@@ -119,7 +120,7 @@ class Parameters:
 
     @property
     def velocity_ratio(self) -> Any:
-        """Velocity ratio e of the equations: the field `e`, or Housner's ratio if the field is None."""
+        """Coefficient of restitution: the field `e`, or Housner's value if the field is None."""
         return housner(self.nu, self.inertia_ratio, self.mu) if self.e is None else self.e
 
     @property
@@ -150,7 +151,7 @@ def uniform_inertia_ratio(nu: Any) -> Any:
 
 
 def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
-    """Raise `ValueError` if Housner's velocity ratio is negative, because the bob is too heavy.
+    """Raise `ValueError` if Housner's coefficient of restitution is negative, because the bob is too heavy.
 
     An impact with such a bob would throw the block back on the corner from which it comes.
     """
@@ -189,7 +190,7 @@ def unchecked(p: Parameters, **changed: Any) -> Parameters:
 
 
 def as_arrays(p: Parameters) -> Parameters:
-    """Return the parameters with 64-bit arrays in place of numbers."""
+    """Return the parameters with 64-bit arrays instead of numbers."""
     # `eqx.filter_jit` treats Python floats as static and would compile again for every value. Plain numbers
     # become arrays of NumPy, because JAX would compile a program to create each of its arrays.
     values = {name: x for name, x in vars(p).items() if x is not None}

@@ -1,4 +1,4 @@
-"""Block, base motion and pendulum in SI units, and the dimensionless parameters that follow from them.
+"""Block, excitation and pendulum in SI units, and the dimensionless parameters that follow from them.
 
 Every class here is a pytree whose leaves are its numbers (`tpd.scene.pytrees`): `jax.grad`, `jax.jit` and
 `jax.vmap` accept a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays
@@ -31,7 +31,7 @@ DENSITIES = (10.0, 5e5)
 """Plausible density, kg/m^3, of a block whose depth equals its width. Hollow blocks and walls, which are
 deeper, lie within the range. Lengths in mm or cm, and masses in t or g, lie outside."""
 LARGEST_SHAKING = 10.0
-"""Largest plausible acceleration of a harmonic base motion, over the standard gravity. The strongest recorded
+"""Largest plausible acceleration of a harmonic excitation, over the standard gravity. The strongest recorded
 motions reach a few g."""
 LARGEST_COEFFICIENT = 2.0
 """Largest plausible coefficient of friction; that of rubber on concrete is about 1."""
@@ -69,14 +69,14 @@ class Block:
         mass: mass of the block, kg.
         friction: dry friction moment k over M g b, dimensionless; default 0.
         radius_of_gyration: about the centroid, m; default that of a uniform rectangle.
-        restitution: velocity ratio e at an impact, in (0, 1], or "housner" (default).
+        restitution: coefficient of restitution e at an impact, in (0, 1], or "housner" (default).
         cavity_width: width of the space in which the bob swings, m; default not stated.
         base_friction: coefficient of friction of the base, dimensionless; default not known.
         effective_width: share of the width on which the block rocks, 0.2 to 1; default all of it.
 
     Raises:
         ValueError: a size, mass, friction or restitution is out of range, the block is too wide for the
-            linear equations or implausibly narrow, or the mass is implausible for the size.
+            linear model or implausibly narrow, or the mass is implausible for the size.
 
     Example:
         >>> import tpd
@@ -226,7 +226,7 @@ class Block:
 
     @property
     def velocity_ratio(self) -> Real:
-        """Velocity ratio e of the block without a pendulum, as a number; 1 means no loss."""
+        """Coefficient of restitution e of the block without a pendulum, as a number; 1 means no loss."""
         # Without a pendulum Housner's ratio has no mass ratio.
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
@@ -302,9 +302,9 @@ class Harmonic:
     swing_in_drawing: ClassVar[str] = "settled swing"
     """Name of the bob angle in a drawing."""
     amplitude: Real
-    """Amplitude of the base motion, m."""
+    """Amplitude of the displacement of the ground, m."""
     frequency: Real
-    """Frequency of the base motion, Hz."""
+    """Frequency of the excitation, Hz."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
@@ -490,7 +490,7 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
 
 
 def check_excitation(amplitude: Any, frequency: Any) -> None:
-    """Raise `ValueError` if a harmonic base motion has an acceleration that no ground has.
+    """Raise `ValueError` if a harmonic excitation has an acceleration that no ground has.
 
     Traced values are not checked.
 

@@ -169,7 +169,7 @@ class Equations(eqx.Module):
     def beyond_return(self) -> Number:
         """Tilt (rad) from which the block does not return.
 
-        With (4) it is a right angle. With the linear equations it is ten times the tilt at which weight,
+        With (4) it is a right angle. With the linear model it is ten times the tilt at which weight,
         friction and forcing are in balance.
         """
         if self.terms is Terms.nonlinear:

@@ -12,7 +12,7 @@ and psi has the same form. Without a pendulum w = nu and s = 1, and phi(0) = nu 
 is (11) of the paper.
 
 The module also has two results on losses: the dry friction that dissipates as much energy per cycle as
-impacts with the velocity ratio e, and the decay of free rocking with both losses.
+impacts with the coefficient of restitution e, and the decay of free rocking with both losses.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def free_motion(p: Parameters) -> Free:
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
-    """Return the dry friction k that dissipates as much per cycle as impacts with the velocity ratio e.
+    """Return the dry friction k that dissipates as much per cycle as impacts with the restitution e.
 
     Friction dissipates 4 k Phi per cycle of amplitude Phi, because the tilt travels four times Phi. Each of
     the two impacts dissipates (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down
@@ -173,13 +173,13 @@ def turning_tilts(
 
     From a turn at phi to the impact, the weight less the friction does the work G = (nu - k) phi - phi^2/2.
     After the impact the energy e^2 G remains, so that the next turn is at phi' with
-    (nu + k) phi' - phi'^2/2 = e^2 G (linear equations). Between turn and impact the tilt is a hyperbolic
+    (nu + k) phi' - phi'^2/2 = e^2 G (linear model). Between turn and impact the tilt is a hyperbolic
     cosine of time.
 
     Args:
         slenderness: nu.
         friction: k, less than nu.
-        ratio: e, the velocity ratio of an impact.
+        ratio: e, the coefficient of restitution of an impact.
         tilt: tilt at the release, rad, between 0 and nu - k.
         count: number of turns after the release.
 

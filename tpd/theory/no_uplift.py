@@ -195,12 +195,12 @@ def lightest_pendulum(p: Parameters, swing: Any) -> Lightest:
 
     A mass ratio mu raises the acceleration that the settled block bears by mu (nu + kappa swing).
 
-    The law is exact for the linear equations, for an undamped hinge, and after the bob has settled. It is for
+    The law is exact for the linear model, for an undamped hinge, and after the bob has settled. It is for
     machines that start slowly, and never for earthquakes:
 
     - After a sudden start it fails. In tests no block stays on its base with 1.1 times the mass, and many
       overturn.
-    - After a gradual start of ten periods 1.1 times the mass is enough for the linear equations, but not for
+    - After a gradual start of ten periods 1.1 times the mass is enough for the linear model, but not for
       the nonlinear ones. They need 1.5 times the mass, which is enough in three of four cases.
 
     Args:

@@ -16,7 +16,7 @@ the package uses these formulas. The corrected equations are (4) and (25) in `tp
 | (20) | parametric term and forcing of opposite signs | of the same | `test_20_...` |
 | (18) | f / (1 + mu^2) | f / (1 + xi^2) | `test_18_...` |
 | (19), sin gamma | k (1 + xi^2) tanh / f | -k (1 + xi^2) tanh / (xi f) | `test_19_lacks_...` |
-| (19) | exact | one condition too many unless k = 0 | `test_19_has_...` |
+| (19) | exact | overdetermined unless k = 0 | `test_19_has_...` |
 | (24), 3rd line | integral of sgn(sin) sin is -4 | +4 | `test_24_...` |
 | (24), last line | integral of sgn(cos) sin^2 is 4/3 | of sgn(cos) cos sin^2 | `test_24_...` |
 | (24) | values of integrals over tau | over omega tau | `test_24_...` |
@@ -32,7 +32,7 @@ the package uses these formulas. The corrected equations are (4) and (25) in `tp
 | Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
 
 (23) is correct as printed, although it does not follow from (20): it belongs to the equation with corrected
-signs (`test_23_...`). (4) is correct for both signs (`tests/theory/test_equations.py`).
+signs (`test_23_...`). (4) is correct for phi > 0 and phi < 0 (`tests/theory/test_equations.py`).
 
 Notation: nu, mu, lam, rho, k, f, xi as in `Parameters`; angles in rad.
 """

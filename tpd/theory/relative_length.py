@@ -19,7 +19,7 @@ def relative_length(
 
     omega is the frequency of a harmonic or a pulse. For a record omega = 2 PGA/PGV.
 
-    A pendulum must be slower than the ground motion. Under 12 pulses (nonlinear equations, mu = 0.1) a
+    A pendulum must be slower than the ground motion. Under 12 pulses (nonlinear model, mu = 0.1) a
     pendulum with x of at least 1.5, which is l >= 0.37 T^2 in m and s, never made overturning easier; with x
     of at most 0.7 it did in half of the cases. Under the records of FEMA P695 the change of the share of runs
     that overturn is near 0 for x from 1 to 1.5 and -0.08 to -0.14 above 10.
