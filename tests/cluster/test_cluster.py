@@ -42,7 +42,7 @@ def by_hand(size):
     return slowly_squared(batch(size), 0.0)
 
 
-def test_parts_are_put_together_in_order(cluster):
+def test_chunks_of_a_batch_are_joined_in_order(cluster):
     seen, given = [], {"chunk": 128, "progress": lambda *n: seen.append(n)}
     assert same(cluster.map("squares", slowly_squared, batch(1000), (0.0,), **given), by_hand(1000))
     assert [total for _, total in seen] == [1000] * 24
@@ -50,7 +50,7 @@ def test_parts_are_put_together_in_order(cluster):
     assert seen == sorted(seen)
 
 
-def test_stored_batch_is_not_computed_again(cluster):
+def test_a_stored_batch_is_not_computed_again(cluster):
     cluster.map("stored", slowly_squared, batch(300), (0.0,), chunk=128)
     shut = Cluster(cluster.folder, dask="tcp://127.0.0.1:1")
     # Nobody answers at that address: nothing was computed.
@@ -61,7 +61,7 @@ def test_stored_batch_is_not_computed_again(cluster):
         shut.map("stored", slowly_squared, other, (0.0,), chunk=128)
 
 
-def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
+def test_results_on_a_cluster_equal_those_of_one_process(cluster):
     pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.5)
     axes = {"frequency_ratios": np.linspace(1, 6, 5), "acceleration_ratios": np.linspace(1, 8, 7)}
     motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
@@ -87,7 +87,7 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
     assert said == other
 
 
-def test_killed_worker_loses_nothing(tmp_path):
+def test_a_batch_is_complete_after_a_worker_is_killed(tmp_path):
     with Cluster(tmp_path, workers=2) as opened:
         victims = list(opened.client.run(os.getpid).values())
 
@@ -102,7 +102,7 @@ def test_killed_worker_loses_nothing(tmp_path):
     assert same(found, by_hand(4000))
 
 
-def test_killed_sweep_goes_on(tmp_path):
+def test_a_killed_sweep_can_be_resumed(tmp_path):
     """A process that sweeps is killed at some moment; another one finishes, and no chunk is lost."""
     command = [sys.executable, "-m", "tests.cluster.cluster_tasks", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -124,7 +124,7 @@ WHOLE = {i: {"x": np.full(4, float(i)), "y": np.ones((4, 2, 3), np.int8)} for i 
 
 
 @pytest.mark.parametrize("way", [*WAYS, "of another chunk", "of another batch"])
-def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
+def test_a_damaged_chunk_file_is_not_used(tmp_path, way):
     for number, results in WHOLE.items():
         store(tmp_path / "a", "key", number, results)
     path = tmp_path / "a" / "1.npz"
@@ -145,7 +145,7 @@ def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
     assert all(same(found[i], WHOLE[i]) for i in WHOLE)
 
 
-def test_folder_that_is_a_file_is_refused(cluster, tmp_path):
+def test_a_file_as_folder_of_chunks_is_rejected(cluster, tmp_path):
     (tmp_path / "b").mkdir()
     opened = Cluster(tmp_path / "b", workers=1)
     (tmp_path / "b").rmdir()
@@ -162,12 +162,12 @@ def test_folder_that_is_a_file_is_refused(cluster, tmp_path):
         ({"dask": "localhost"}, "`dask` must be an address such as tcp://host:8786, but is 'localhost'"),
     ],
 )
-def test_bad_input(options, words, tmp_path):
+def test_invalid_cluster_options_are_rejected(options, words, tmp_path):
     with pytest.raises(ValueError, match=words):
         Cluster(tmp_path, **options)
 
 
-def test_a_batch_that_cannot_be_shared_out_is_refused(cluster):
+def test_a_batch_without_fingerprint_or_length_is_rejected(cluster):
     with pytest.raises(ZeroDivisionError):
         cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
     refusal = "cannot be computed on a cluster: an object of the type object has no fingerprint"
@@ -179,7 +179,7 @@ def test_a_batch_that_cannot_be_shared_out_is_refused(cluster):
         cluster.map("bad", lambda part: part, batch(10), chunk=128)
 
 
-def test_task_that_is_edited_is_another_batch(tmp_path, monkeypatch):
+def test_an_edited_task_is_computed_again(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     values = []
     for factor in (2, 3):
@@ -196,13 +196,13 @@ def test_task_that_is_edited_is_another_batch(tmp_path, monkeypatch):
     assert len(list((tmp_path / "chunks").iterdir())) == 2
 
 
-def test_workers_of_another_version_are_refused(cluster, monkeypatch):
+def test_workers_of_another_version_are_rejected(cluster, monkeypatch):
     monkeypatch.setattr("tpd.cluster.cluster.environment_fingerprint", lambda: "another")
     with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
         cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
 
 
-def test_worker_that_joins_late_has_work(tmp_path):
+def test_a_worker_that_joins_late_gets_chunks(tmp_path):
     with Cluster(tmp_path, workers=1) as opened:
         assert len(opened.client.run(os.getpid)) == 1
 
@@ -217,7 +217,7 @@ def test_worker_that_joins_late_has_work(tmp_path):
     assert len(np.unique(found["process"])) == 2
 
 
-def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
+def test_two_callers_can_share_one_cluster(cluster, tmp_path):
     results, folders = [], (tmp_path / "a", tmp_path / "b")
 
     def call(folder):
@@ -233,13 +233,13 @@ def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
     assert all(same(found, by_hand(600)) for found in results)
 
 
-def test_without_dask_the_message_names_the_extra(tmp_path, monkeypatch):
+def test_a_missing_dask_is_reported_with_its_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"pip install '.\[dask\]'"):
         Cluster(tmp_path)
 
 
-def test_a_command_on_workers_has_the_answer_of_one_process(tmp_path, capsys):
+def test_a_command_with_workers_writes_the_results_of_one_process(tmp_path, capsys):
     from tpd.cli import main
 
     # A spectrum of one frequency and size after another.
@@ -252,7 +252,7 @@ def test_a_command_on_workers_has_the_answer_of_one_process(tmp_path, capsys):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are others")
-def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_path):
+def test_ctrl_c_ends_all_workers_and_keeps_the_chunks(tmp_path):
     asked = ["spectrum", "--pulse", "one-sine", "--points", "40", "--workers", "1", "--out", "out"]
     how = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
@@ -277,12 +277,12 @@ def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_pat
     assert chunks().items() > kept.items()
 
 
-def test_the_folder_of_chunks_may_begin_at_home(tmp_path, monkeypatch):
+def test_a_tilde_in_the_folder_of_chunks_is_the_home_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert Cluster("~/chunks").folder == tmp_path / "chunks"
 
 
-def test_fingerprints_differ_where_inputs_do():
+def test_different_inputs_have_different_fingerprints():
     values = [1, 1.0, True, "1", [1], [[1]], {"a": 1}, np.array(1.0), np.array([1.0]), None, b"1"]
     values += [
         *Enum("E", "A B"),
@@ -298,6 +298,6 @@ def test_fingerprints_differ_where_inputs_do():
     assert fingerprint(SCENE) == fingerprint(tpd.paper_scene())
 
 
-def test_inputs_without_a_stable_text_are_refused():
+def test_inputs_without_a_fingerprint_are_rejected():
     with pytest.raises(TypeError, match=re.escape("an object of the type object has no fingerprint")):
         fingerprint([object()])

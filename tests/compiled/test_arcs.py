@@ -19,14 +19,14 @@ PAIRS = [(0.0, 4.0), (0.3, 4.0), (40.0, 5.0), *((2.0, 1.0 + d) for d in (-1e-3, 
 
 
 @pytest.mark.parametrize(("p", "q"), PAIRS)
-def test_the_pair_solves_its_equation_through_critical_damping(p, q):
+def test_an_arc_solves_its_equation_at_any_damping(p, q):
     for t in (0.0, 1e-6, 0.03, 1.0, 8.0):
         expected = expm(np.array([[0.0, 1.0], [-q, -p]]) * t)[0]
         np.testing.assert_allclose(pair(p, q, t), expected, rtol=1e-11, atol=1e-14)
 
 
 @pytest.mark.parametrize("x", [-300.0, -0.3, 0.0, 1e-20, 2.0, 600.0])
-def test_an_exponential_and_a_turn_carry_their_derivatives(x):
+def test_exponential_and_sine_have_complex_step_derivatives(x):
     z = complex(x, 3.0 * STEP)
     found = np.array([exponential(z), *sincos(z)])
     expected = np.array([np.exp(x), np.sin(x), np.cos(x)])
@@ -39,7 +39,7 @@ def eta(plants, f, i, s, t):
     return forcing_at(load_at(plants[0], f, i, s), t)
 
 
-def test_a_forcing_goes_on_from_anywhere_in_its_piece():
+def test_a_forcing_can_continue_from_any_time_of_its_piece():
     plants = plants_of([(0.25, 0.1, 0.7, 0.1, 0.05, 0.3, 2.5)])
     c = np.array([[0.4, -0.9, 0.5, 0.3], [0.3, 1.0, 0.0, -0.2], [0.0, 0.0, 0.0, 0.0]])
     sampled, growing = Forcing(NO, 0.0, 0.0, 2, c[:2]), Forcing(YES, 0.3, 0.2, 0, c[:2])
@@ -95,7 +95,7 @@ LOADS = {"growing": Load(2.5, 0.8, 0.3, 0.2, 0.0, 0.0), "cubic": Load(0.0, 0.0, 
 @pytest.mark.parametrize("load", LOADS.values(), ids=LOADS)
 @pytest.mark.parametrize("kind", [SLIP, STICK, REST])
 @pytest.mark.parametrize(("mu", "zeta"), [(0.0, 1.0), (1e-9, 2.5), (0.2, 0.0), (0.2, 0.3), (0.2, 1.0)])
-def test_an_arc_is_the_matrix_exponential(load, kind, mu, zeta):
+def test_an_arc_equals_the_matrix_exponential(load, kind, mu, zeta):
     x = np.array([0.25, mu, 0.7, zeta, 0.05, 0.3, 2.5])
     y = np.array([0.0 if kind == REST else 0.1, -0.2, 0.3 if kind == SLIP else 0.0, 0.4])
     plants = plants_of(x[None])

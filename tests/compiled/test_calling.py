@@ -21,7 +21,7 @@ def tilt(length):
     return tpd.transient(SCENE, tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1), free=2.0).tilt
 
 
-def test_with_another_device_about_the_processor_still_runs_the_compiled_code(monkeypatch):
+def test_compiled_code_runs_on_the_cpu_if_jax_has_another_device(monkeypatch):
     x, y = box(1, seed=9)
     model = Piecewise(max_periods=3)
     ours = jax.jit(lambda x, y: model.settle(parameters(x), y).state)(x[0], y[0])
@@ -31,7 +31,7 @@ def test_with_another_device_about_the_processor_still_runs_the_compiled_code(mo
     np.testing.assert_array_equal(ours, theirs)
 
 
-def test_without_the_custom_call_the_host_answers(monkeypatch):
+def test_the_host_computes_if_the_custom_call_is_unavailable(monkeypatch):
     x, y = box(6, seed=10)
 
     def answers():
@@ -49,7 +49,7 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
         jax.clear_caches()
 
 
-def test_a_wrong_answer_to_the_trial_gives_a_warning(monkeypatch):
+def test_a_custom_call_with_a_wrong_result_gives_a_warning(monkeypatch):
     compiled = LINEAR
     monkeypatch.setattr(compiled, "_is_direct", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
@@ -57,7 +57,7 @@ def test_a_wrong_answer_to_the_trial_gives_a_warning(monkeypatch):
         assert not compiled.is_direct()
 
 
-def test_the_first_question_may_come_under_a_trace():
+def test_the_first_call_can_be_inside_a_jitted_function():
     code = (
         "import warnings; warnings.simplefilter('error', UserWarning); import jax; "
         "jax.config.update('jax_enable_x64', True); import tpd; "

@@ -10,7 +10,7 @@ def test_statuses_have_the_same_numbers_in_compiled_code():
     assert Status.__names__[: len(STATUSES)] == STATUSES
 
 
-def test_places_requested_together_cover_every_size_once():
+def test_groups_of_columns_contain_every_size_once():
     covered = [i for first, last in sorted(ASKED) for i in range(first, last)]
     assert covered == list(range(SIZES["state"].stop))
     for (first, last), names in ASKED.items():
@@ -30,5 +30,5 @@ def test_places_requested_together_cover_every_size_once():
         (0.01, 0.9, 0.1, 0.2, 1.0 + 5e-12, True),
     ],
 )
-def test_an_orbit_is_neutral_where_nothing_takes_energy_or_rounding_decides(k, e, mu, zeta, largest, neutral):
+def test_an_orbit_without_energy_loss_is_neutral(k, e, mu, zeta, largest, neutral):
     assert bool(is_neutral(k, e, mu, zeta, largest)) is neutral

@@ -61,7 +61,7 @@ def test_a_process_that_compiles_ends_with_the_command(tmp_path, number):
             assert begun.recv(1) == b""
 
 
-def test_a_module_that_another_thread_imports_is_waited_for(monkeypatch, tmp_path):
+def test_loading_waits_for_a_module_that_another_thread_imports(monkeypatch, tmp_path):
     (tmp_path / "slow.py").write_text("import time; time.sleep(0.3); LOADED = True")
     monkeypatch.syspath_prepend(tmp_path)
 
@@ -74,7 +74,7 @@ def test_a_module_that_another_thread_imports_is_waited_for(monkeypatch, tmp_pat
     del sys.modules["slow"]
 
 
-def test_a_cache_of_another_user_starts_no_process_and_an_old_one_is_reported(monkeypatch, tmp_path):
+def test_no_process_compiles_into_a_cache_that_others_can_write(monkeypatch, tmp_path):
     (tmp_path / "lonely.py").write_text("")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "store"))
@@ -118,12 +118,12 @@ def imported(module, known):
 
 
 @pytest.mark.parametrize("module", compiling.HARMONIC)
-def test_stored_code_is_that_of_all_sources(module):
+def test_the_hash_of_stored_code_includes_all_imported_sources(module):
     others = imported(module, set()) - set(compiling.sources())
     assert {path.name for path in others} <= {"__init__.py"}
 
 
 @pytest.mark.parametrize("module", sorted({*compiling.HARMONIC, *compiling.GROUND}))
-def test_processes_that_compile_need_no_jax(module):
+def test_modules_of_the_compiling_process_do_not_import_jax(module):
     lines = "\n".join(path.read_text() for path in imported(module, set()))
     assert not re.findall(r"^(?:import|from) (?:jax|equinox|diffrax)\b", lines, re.M)

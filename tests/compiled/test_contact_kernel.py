@@ -49,7 +49,7 @@ def test_a_block_is_held_while_friction_balances_the_excess(up, down, tilt, rate
         ((REST, 0.0, 0.0), SECOND, [0.0, 0.1, 0.0, 0.2], False, SLIP, [0.0, 0.1, 0.0, 0.2]),
     ],
 )
-def test_events_change_state_and_mode(mode, event, y, rests, after, state):
+def test_each_event_sets_state_and_mode(mode, event, y, rests, after, state):
     plants, modes, y = (
         plants_of([(0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67, 0.7)]),
         np.zeros(1, MOTION),
@@ -63,7 +63,7 @@ def test_events_change_state_and_mode(mode, event, y, rests, after, state):
         assert modes["direction"][0] == modes["tilt"][0] == -1.0
 
 
-def test_an_impact_conserves_the_second_row_of_the_momentum_and_a_rattle_is_the_sum_of_its_hops():
+def test_an_impact_conserves_the_momentum_of_the_bob_and_a_rattle_sums_its_impacts():
     x = (*WITH[0].x, 0.7)
     p, linear, plants = parameters(x), Linear(parameters(x)), plants_of([x])
     rates = np.array([[0.7, -0.2]])

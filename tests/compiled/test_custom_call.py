@@ -13,7 +13,7 @@ from tpd.compiled.calling import LINEAR
 from tpd.compiled.custom_call import API_VERSION, FIELDS, FRAME, SETTINGS
 
 
-def test_settings_are_a_row_by_name_and_no_other_name_passes():
+def test_settings_of_a_call_reject_unknown_names():
     row = np.array(tuple(LINEAR.settings("GROUND", free=2.5)), SETTINGS)
     assert row["task"] == LINEAR.entry().GROUND > 0
     assert row["free"] == 2.5
@@ -22,7 +22,7 @@ def test_settings_are_a_row_by_name_and_no_other_name_passes():
         LINEAR.settings("GROUND", freely=1.0, tasks=2.0)
 
 
-def test_the_version_is_that_of_the_columns_whatever_the_installed_xla_declares(tmp_path, monkeypatch):
+def test_the_api_version_does_not_depend_on_the_installed_xla(tmp_path, monkeypatch):
     header = tmp_path / "include" / "xla" / "ffi" / "api" / "c_api.h"
     header.parent.mkdir(parents=True)
     header.write_text("#define XLA_FFI_API_MAJOR 4\n#define XLA_FFI_API_MINOR 9\n")
@@ -30,7 +30,7 @@ def test_the_version_is_that_of_the_columns_whatever_the_installed_xla_declares(
     assert API_VERSION == 0 + 3 * 2**32
 
 
-def test_xla_refuses_code_of_a_version_that_it_does_not_support():
+def test_xla_rejects_an_unsupported_api_version():
     def of_version(api):
         def call(address):
             custom_call.rows_of(address, np.zeros(8, np.int64), api)
@@ -52,14 +52,14 @@ def rows_of(address, a):
     return custom_call.rows_of(address, a, 7)
 
 
-def test_a_frame_of_the_host_names_its_rows_and_buffers():
+def test_a_call_from_the_host_passes_its_rows_and_buffers():
     a, frame = np.zeros(8, np.int64), np.zeros(FRAME, np.int64)
     frame[1:3], frame[3:6] = (2, 9), (11, 12, 13)
     assert rows_of(frame.ctypes.data, a) == (2, 9, True)
     assert a[:4].tolist() == [11, 12, 13, 0]
 
 
-def test_the_metadata_extension_gets_the_version_and_other_stages_compute_nothing():
+def test_a_metadata_request_gets_the_version_and_computes_no_row():
     a, frame = np.zeros(8, np.int64), np.zeros(FRAME, np.int64)
     # An extension of type 1: its fourth number is the address of what the version is written to.
     version, extension = np.zeros(FRAME, np.int64), np.zeros(FRAME, np.int64)
@@ -71,7 +71,7 @@ def test_the_metadata_extension_gets_the_version_and_other_stages_compute_nothin
     assert rows_of(frame.ctypes.data, a) == (0, 0, False)
 
 
-def test_extensions_of_other_types_are_ignored_and_the_request_for_the_version_may_follow_them():
+def test_unknown_extensions_before_a_version_request_are_ignored():
     a, frame, settings = np.zeros(8, np.int64), np.zeros(FRAME, np.int64), np.zeros(FRAME, np.int64)
     sizes, buffers, other, request, version = (np.zeros(FRAME, np.int64) for _ in range(5))
     # One operand with three rows of settings, and no result.
@@ -92,7 +92,7 @@ def first_coefficient(address, s, n):
     return f.pieces, f.cubics[0, 0]
 
 
-def test_pieces_are_shared_by_row_or_every_motion_s_own():
+def test_pieces_of_a_record_are_shared_or_separate_for_each_row():
     s, table = np.zeros(2, SETTINGS), np.arange(24.0).reshape(6, 4)
     s["pieces"], s["record"] = 3, [2, 0]
     assert first_coefficient(table.ctypes.data, s, 0) == (3, 8.0)

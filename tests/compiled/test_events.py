@@ -73,7 +73,7 @@ def test_the_event_is_the_first_zero_of_tilt_or_rate():
     assert min(met.values()) > 5
 
 
-def test_two_zeros_of_the_rate_close_together_are_not_passed_over():
+def test_two_close_zeros_of_the_rate_are_found_by_the_event_search():
     # A block that all but turns as it falls: its rate is 1e-7 beyond zero at most, for some 1e-3 of time.
     x, mode, end = np.array([0.2, 0.0, 0.4, 0.2, 0.03, 0.7, 3.0]), (0.0, 1.0, -1.0), 0.9
     plants, begin = plants_of(x[None]), (1.5 * np.pi - 0.4) / 3.0
@@ -91,7 +91,7 @@ def test_two_zeros_of_the_rate_close_together_are_not_passed_over():
     assert found(plants, np.array([0.15, 0.0, -v - 2e-7, 0.0]), mode, begin, end)[0] == END
 
 
-def test_a_signal_that_begins_at_a_turn_is_proved_to_vanish_once():
+def test_a_signal_that_starts_at_a_turning_point_has_one_zero():
     prove, rng, proved = numba.njit(lambda *args: events.prove_window(*args)), np.random.default_rng(4), 0
     s = np.linspace(0.0, 1.0, 2001)
     for _ in range(2000):

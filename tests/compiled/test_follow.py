@@ -28,7 +28,7 @@ SCENES = [*random_scenes(60), *map(column, LENGTHS)]
 
 
 @pytest.mark.parametrize("nonlinear", [False, True])
-def test_motions_under_records_are_those_of_the_event_loop(nonlinear):
+def test_motions_under_records_equal_the_event_loop(nonlinear):
     rng, compared = np.random.default_rng(6), 0
     for pendulum in (None, tpd.Pendulum(mass=60.0, length=0.6, damping_ratio=0.3)):
         for friction, restitution in ((0.0, 0.8), (0.03, 1.0), (0.05, 0.9)):
@@ -53,13 +53,13 @@ def test_motions_under_records_are_those_of_the_event_loop(nonlinear):
     assert compared >= 4
 
 
-def test_two_zeros_before_a_record_do_not_stop_it():
+def test_a_record_can_begin_with_two_zero_samples():
     pendulum = tpd.Pendulum(mass=100.0, length=1.0, damping_ratio=0.1)
     found = motions([Case(SMALL, pendulum, record([0.0, 0.0, 3.0, -3.0, 0.0], 0.02))])
     assert found.tilt[0] == pytest.approx(1.1256e-4, rel=1e-4, abs=0.0)
 
 
-def test_zeros_before_the_mirrored_record_change_times_and_signs_only():
+def test_a_delayed_mirrored_record_gives_the_mirrored_motion():
     known = motions([case for case, _, _ in SCENES])
     later = motions(changed(SCENES, lambda a, dt: (-np.append(np.zeros(7), a), dt)))
     assert decided(known)
@@ -74,7 +74,7 @@ def test_zeros_before_the_mirrored_record_change_times_and_signs_only():
     np.testing.assert_allclose(later.times[rocked, 0], (known.times[:, 0] + by)[rocked], rtol=1e-12)
 
 
-def test_a_spike_just_above_uplift_tilts_by_the_cube_of_its_excess():
+def test_the_tilt_after_a_spike_above_uplift_grows_with_the_cube_of_its_excess():
     excess, shape = 10.0 ** -np.arange(6.0, 15.6, 0.1), np.array([0.1, 0.3, 1.0, -0.2, 0.1, 0.0])
     spikes = [record(shape * 0.2 * GRAVITY * (1.0 + x), 0.02) for x in excess]
     found = motions([Case(SMALL, None, spike) for spike in spikes])
@@ -85,7 +85,7 @@ def test_a_spike_just_above_uplift_tilts_by_the_cube_of_its_excess():
 
 
 @pytest.mark.parametrize("nonlinear", [False, True])
-def test_shaking_that_just_balances_the_weight_has_an_answer(nonlinear):
+def test_an_excitation_at_the_uplift_threshold_has_a_result(nonlinear):
     shapes = [np.repeat([0.0, 1.0, -0.5, 1.0, 0.0], n) for n in (1, 2, 3, 10)]
     shapes += [np.array([0.0, 3, 3, -1, 2, 3, 0]) / 3.0, np.array(el_centro()) / np.max(np.abs(el_centro()))]
     pendulum = tpd.Pendulum(mass=60.0, length=0.6, damping_ratio=0.3)
@@ -101,7 +101,7 @@ def test_shaking_that_just_balances_the_weight_has_an_answer(nonlinear):
         assert np.all(np.isnan(found.transversality) == nonlinear)
 
 
-def test_a_rattle_without_losses_has_an_answer():
+def test_a_rattle_without_losses_has_a_result():
     a = np.array(el_centro())
     uplift, scales = GRAVITY / 6.0 / np.abs(a).max(), (1.0, 1.001, 1.02, 1.1, 1.5)
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=1.0)
@@ -113,7 +113,7 @@ def test_a_rattle_without_losses_has_an_answer():
     assert np.max(found.impacts) > 10_000
 
 
-def test_too_low_a_bound_on_events_has_a_status():
+def test_too_few_events_have_the_status_event_bound():
     found = motions([Case(SMALL, None, record([0.0, 4.0, -4.0, 0.0], 0.1))], events=1)
     assert names_of(found.status)[0] == "event_bound"
 
@@ -125,7 +125,7 @@ def test_too_low_a_bound_on_events_has_a_status():
         ((1.379, 11.794), 0.985, (), 1.1530605145958945, [0.5, 0.3, -1.0, 0.5, 0.5, -1.0]),
     ],
 )
-def test_low_hops_have_fifty_digits(size, loss, bob, lift, steps):
+def test_small_impacts_agree_with_a_solution_of_many_digits(size, loss, bob, lift, steps):
     a = np.round(lift * np.concatenate([[0.2], np.repeat(steps, 8), [0.0]]), 6)
     block = dict(zip(("width", "height"), size, strict=True), mass=1000.0, friction=0.0, restitution=loss)
     scene = {**block, "gravity": GRAVITY, "scale": 1.0}

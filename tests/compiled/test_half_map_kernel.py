@@ -25,7 +25,7 @@ def farthest(a, b):
     return max(apart.min(axis=0).max(), apart.min(axis=1).max())
 
 
-def test_roots_are_those_of_numpy_and_come_in_conjugate_pairs():
+def test_roots_equal_those_of_numpy_and_form_conjugate_pairs():
     for row in np.random.default_rng(11).normal(size=(100, 4)) * [4.0, 6.0, 4.0, 1.0]:
         found, expected = roots(row), np.roots([1.0, *row])
         near = np.abs(expected[:, None] - expected)[~np.eye(4, dtype=bool)].min()
@@ -48,11 +48,11 @@ def test_roots_are_those_of_numpy_and_come_in_conjugate_pairs():
     ],
     ids=["double", "triple", "fourfold", "double pair", "two doubles", "zero", "no bob", "near unity"],
 )
-def test_a_root_of_order_m_is_known_to_the_mth_root_of_rounding(expected, reach):
+def test_a_root_of_order_m_has_an_error_of_the_mth_root_of_rounding(expected, reach):
     assert farthest(roots(np.poly(expected)[1:].real), np.array(expected)) < reach
 
 
-def test_polynomial_and_determinants_are_those_of_the_eigenvalues():
+def test_polynomial_and_determinants_follow_from_the_eigenvalues():
     for m in np.random.default_rng(13).normal(size=(50, 4, 4)):
         np.testing.assert_allclose(characteristic(m), np.poly(m)[1:], rtol=1e-11, atol=1e-12)
         g = np.linalg.eigvals(m)
@@ -62,7 +62,7 @@ def test_polynomial_and_determinants_are_those_of_the_eigenvalues():
         assert farthest(roots(characteristic(m)), g) < 1e-9 * np.abs(g).max()
 
 
-def test_multipliers_and_margins_are_those_of_the_return_map_wherever_it_is_cut():
+def test_multipliers_equal_those_of_the_return_map_at_any_phase():
     for x, o in [*chosen(6, "rocking"), *chosen(4, "unstable")]:
         period, reach = 2.0 * np.pi / x[6], 1e-8 * np.abs(o.multipliers).max()
         ys, slopes, _ = along(x, o.state, np.array([0.0, 0.27, 1.0]) * period)

@@ -11,7 +11,7 @@ from tpd.compiled.rows import row_of
 
 
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])
-def test_an_orbit_closes_and_its_way_is_that_of_the_motion(kind):
+def test_an_orbit_closes_and_its_path_equals_a_simulation(kind):
     for x, o in chosen(3, kind):
         u = np.array([float(o.crossing), float(o.phase)])
         found = orbits.vanishing(np.append(u, 0.0), row_of(parameters(x)))
@@ -25,7 +25,7 @@ def test_an_orbit_closes_and_its_way_is_that_of_the_motion(kind):
         assert np.abs(ys[:, 0]).max() == pytest.approx(way.height, rel=1e-3)
 
 
-def test_the_quantities_that_vanish_where_orbits_end_have_the_derivatives_of_differences():
+def test_derivatives_of_the_end_conditions_of_orbits_equal_differences():
     for x, o in chosen(2, "rocking"):
         u, x = np.array([float(o.crossing), float(o.phase), 0.4 * float(o.crossing)]), row_of(parameters(x))
         found = orbits.vanishing(u, x)

@@ -26,7 +26,7 @@ def results(z, pieces, free=1.5):
 
 
 @pytest.mark.parametrize("motion", [SINE, NOISE], ids=["sine", "record"])
-def test_every_number_has_the_derivatives_of_differences(motion):
+def test_derivatives_of_every_result_equal_finite_differences(motion):
     rows, (pieces,), _ = operands([Case(COLUMN, PENDULUM, motion)])
     point = np.append(rows[0], [0.01, 0.02, -0.01, 0.05])
     values, by = (np.asarray(f(point, pieces)) for f in (results, jax.jacfwd(results)))
@@ -44,7 +44,7 @@ def test_every_number_has_the_derivatives_of_differences(motion):
             )
 
 
-def test_pieces_longer_than_an_arc_may_be_have_the_derivatives_of_differences():
+def test_derivatives_over_pieces_of_many_arcs_equal_differences():
     # Under a block that stays at rest the bob swings through pieces that take many arcs each.
     p = tpd.Parameters(nu=0.3, mu=0.1, lam=0.4, zeta=0.05, k=0.1, f=0.1, xi=25.0, rho=0.7, e=0.9)
     x = np.append(row_of(p), np.zeros(4))

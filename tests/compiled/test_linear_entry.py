@@ -12,7 +12,7 @@ from tpd.scene.parameters import as_arrays
 from tpd.theory.equations import Terms
 
 
-def test_the_steady_state_is_where_the_motion_settles():
+def test_the_steady_state_entry_agrees_with_a_settled_simulation():
     p, steady, limits = as_arrays(parameters(WITH[0].x)), np.zeros(1, STEADY), {"periods": 500}
     limits |= {"events": 500, "rest_rate": 2e-7, "tolerance": 1e-8, "lyapunov_periods": 100}
     row = row_of(p)[None].copy()

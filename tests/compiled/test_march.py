@@ -65,7 +65,7 @@ def store_bounds(plants, y, kind, bounds, sizes):
 
 
 @pytest.mark.parametrize("kind", [SLIP, REST])
-def test_derivatives_stay_below_their_bounds(kind):
+def test_derivatives_of_an_arc_stay_below_their_bounds(kind):
     rng, closest = np.random.default_rng(3), np.zeros((2, 2))
     for zeta in (0.0, 0.1, 0.6, 1.5):
         plants = plants_of([[0.25, 0.2, 0.4, zeta, 0.05, 0.4, 2.7]])
@@ -78,7 +78,7 @@ def test_derivatives_stay_below_their_bounds(kind):
     assert np.all(closest > 0.5)
 
 
-def test_the_march_has_the_events_of_the_careful_search():
+def test_the_fast_event_search_equals_the_careful_search():
     x, starts = box(60, 5)
     both = []
     for marches in (True, False):
@@ -101,7 +101,7 @@ def test_the_march_has_the_events_of_the_careful_search():
 
 
 @pytest.mark.parametrize("x", RATTLES)
-def test_a_rattle_ends_where_its_hops_do(x):
+def test_the_limit_of_a_rattle_equals_the_sum_of_its_impacts(x):
     # With derivatives every hop is followed, without them the limit of the hops is taken.
     x = np.array([*x, *[1.0] * (8 - len(x))])
     y0 = exact(x).steady.state * np.array([1.0, 0.9, 1.0, 0.9])

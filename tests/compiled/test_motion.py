@@ -26,7 +26,7 @@ def record(motions, legs, y):
         motion.record_leg(motions[0], legs, n, 0.1 * n, 0.2, 7, y)
 
 
-def test_the_largest_angles_to_both_sides_are_kept_with_the_first_leg_that_reached_them():
+def test_the_largest_angles_are_stored_with_the_leg_that_reached_them():
     motions = np.zeros(1, MOTION)
     path = np.array([[0.1, 0.0, 0.0], [-0.2, 0.3, 1.0], [-0.2, 0.1, 2.0], [0.05, -0.5, 3.0]])
     assert tally(motions, path) == (1, 3, 5)
@@ -36,7 +36,7 @@ def test_the_largest_angles_to_both_sides_are_kept_with_the_first_leg_that_reach
     assert m["peak_times"].tolist() == [0.0, 1.0, 1.0, 3.0, 1.0, 3.0]
 
 
-def test_legs_beyond_the_room_are_counted_and_not_written():
+def test_legs_beyond_the_capacity_are_counted_and_not_written():
     motions, legs = np.zeros(1, MOTION), np.zeros(2, LEG)
     motions["kind"], motions["direction"] = 1.0, -1.0
     record(motions, legs, np.arange(4.0))

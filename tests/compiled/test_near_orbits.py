@@ -10,7 +10,7 @@ from tpd.theory.equations import Terms
 
 
 @pytest.mark.parametrize(("share", "early"), [(0.003, True), (0.2, False)])
-def test_a_motion_is_taken_to_an_orbit_from_near_by_alone(share, early):
+def test_only_a_motion_near_an_orbit_is_moved_onto_it(share, early):
     p = parameters(SLOW)
     orbit = periodic_orbit(p, settled(Terms.linear, p, np.zeros((1, 4))).state[0])
     assert status_name(orbit.status) == "rocking"

@@ -33,7 +33,7 @@ def scenes(kind, count, seed=4):
 
 
 @pytest.mark.parametrize("kind", ["hung", "bare", "impacts", "hung impacts"])
-def test_random_motions_are_those_of_the_event_loop(kind):
+def test_random_nonlinear_motions_equal_the_event_loop(kind):
     p, y0 = scenes(kind, 8)
     found = settled(tpd.Terms.nonlinear, p, y0, periods=3, rtol=1e-11)
     kinds, compared = set(), 0
@@ -53,7 +53,7 @@ def test_random_motions_are_those_of_the_event_loop(kind):
 
 
 @pytest.mark.parametrize("ramp", [0.2, 1.25, 2.0])
-def test_growing_shaking_at_any_phase_is_that_of_the_event_loop(ramp):
+def test_motions_under_growing_excitation_equal_the_event_loop(ramp):
     x = [0.25, 0.2, 0.8, 0.1, 0.05, 0.5, 3.5, 1.0]
     p, period = tpd.Parameters(**dict(zip(NAMES, x, strict=True))), 2.0 * np.pi / 3.5
     begin, y0 = (
@@ -67,7 +67,7 @@ def test_growing_shaking_at_any_phase_is_that_of_the_event_loop(ramp):
         np.testing.assert_allclose(found.state[i], expected[-1], rtol=0, atol=1e-7)
 
 
-def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
+def test_code_that_cannot_be_cached_is_compiled(monkeypatch):
     def cfunc(*_, cache=False, **__):
         if cache:
             raise RuntimeError("cannot cache function: no locator available")
@@ -79,7 +79,7 @@ def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
         assert nonlinear_entry._entrance(5)[1] == "compiled"
 
 
-def test_a_bob_that_still_grows_may_lift_the_block_later():
+def test_a_growing_swing_can_lift_the_block_after_many_periods():
     # In resonance almost without damping the bob grows by 3e-5 rad in a period, and lifts at 0.045 rad.
     nu, mu, lam = 0.03, 0.5, 1.0
     xi = 1.0 / np.sqrt(lam * 0.75 / (1.0 + nu**2))
@@ -99,7 +99,7 @@ def test_a_bob_that_still_grows_may_lift_the_block_later():
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_an_impact_that_ends_in_rest_kicks_the_bob_like_any_other(side):
+def test_an_impact_that_ends_in_rest_changes_the_swing_rate(side):
     x = [0.3, 0.1, 0.5, 0.1, 0.0, 1e-9, 1.0, 0.6]
     y0 = np.array([side * 1e-12, 0.5, -side * 3e-3, 0.0])
     expected = EventDriven(x, nonlinear=True).run(y0, np.array([0.0, 0.01]), quiet=0.02)[-1]

@@ -62,7 +62,7 @@ def at(c, order, t):
 
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("growth", [[1.0, 0.0], [0.1, 0.05]])
-def test_a_series_solves_the_equations(held, growth):
+def test_a_taylor_series_solves_the_nonlinear_equations(held, growth):
     for p, y, t in motions():
         y = y * [1.0, 1.0, 0.0, 1.0] if held else y
         c = np.zeros((ROWS, ORDERS))
@@ -114,13 +114,13 @@ def test_no_root_is_missed():
         ([1.0, -0.5], 1.0, False),
     ],
 )
-def test_a_signal_that_begins_at_zero_has_the_sign_that_it_takes_on(coefficients, until, found):
+def test_a_signal_that_begins_at_zero_has_the_sign_of_its_first_values(coefficients, until, found):
     c = np.zeros((ROWS, ORDERS))
     c[V, : len(coefficients)] = coefficients
     assert positive_until(c, V, 1.0, 6, 0.0, 1.0) == (pytest.approx(until, abs=1e-12), found)
 
 
-def test_the_largest_angle_is_that_of_many_samples():
+def test_the_largest_angle_of_a_series_equals_dense_sampling():
     met = 0
     for p, y, t in motions():
         c = np.zeros((ROWS, ORDERS))

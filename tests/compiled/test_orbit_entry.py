@@ -11,7 +11,7 @@ X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:12]])
 SETTINGS = np.tile([float(entry.SOLVE), 0.0, 0.0, 0.0], (12, 1))
 
 
-def test_rows_are_for_themselves_and_others_stay_as_they_were():
+def test_only_the_requested_rows_of_orbits_are_written():
     every = np.zeros((12, entry.ORBITS), entry.ORBIT)
     entry.run(0, 12, SETTINGS, X, every)
     part = np.zeros((12, entry.ORBITS), entry.ORBIT)

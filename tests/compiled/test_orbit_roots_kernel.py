@@ -7,7 +7,7 @@ from tests.compiled.orbit_cases import ROWS, scanned
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_the_roots_are_exactly_the_orbits_of_the_scan(count):
+def test_the_roots_contain_every_orbit_of_a_dense_scan_and_no_other(count):
     o = scanned()[1]
     assert not np.any(o.overflow)
     for i, row in enumerate(ROWS):

@@ -14,7 +14,7 @@ from tpd.compiled.rows import row_of
 X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:40]])
 
 
-def test_a_batch_is_its_designs_on_any_number_of_threads():
+def test_orbits_do_not_depend_on_threads_or_batch():
     calls = []
     alone = engine.solve_orbits(X, workers=1, progress=lambda *done: calls.append(done))
     assert calls[-1] == (40, 40)
@@ -27,7 +27,7 @@ def test_a_batch_is_its_designs_on_any_number_of_threads():
         np.testing.assert_array_equal(known, traced)
 
 
-def test_slopes_are_linear_in_the_direction_and_nan_where_not_requested():
+def test_derivatives_are_linear_in_the_direction_and_nan_if_not_requested():
     orbits = engine.solve_orbits(X)
     basis = np.broadcast_to(np.eye(WIDTH), (len(X), WIDTH, WIDTH))
     along = np.broadcast_to(np.linspace(0.1, 0.9, WIDTH), (len(X), 1, WIDTH))
@@ -43,6 +43,6 @@ def test_slopes_are_linear_in_the_direction_and_nan_where_not_requested():
     np.testing.assert_allclose(alone[0, :, :3], every[i, 0, :, :3], rtol=1e-12)
 
 
-def test_no_batch_is_refused():
+def test_a_single_row_instead_of_a_batch_is_rejected():
     with pytest.raises(ValueError, match=r"must have shape \(n,\), but the batch has shape \(\)"):
         engine.solve_orbits(X[0])

@@ -27,7 +27,7 @@ def roots(x):
     return np.stack([plants[name] for name in ("s1", "s2", "p", "q")], axis=-1)
 
 
-def test_the_product_over_the_roots_is_the_determinant_of_the_pencil():
+def test_the_product_over_the_roots_equals_the_determinant_of_the_equations():
     for x, (s1, s2, p, q) in zip(samples(), roots(samples()), strict=True):
         mass, damping, stiffness = matrices(Linear(parameters(x)))
         for s in (-1.3, 0.4, 2.0):
@@ -37,7 +37,7 @@ def test_the_product_over_the_roots_is_the_determinant_of_the_pencil():
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.1, 1.0, 2.5])
-def test_the_roots_have_the_slopes_of_differences(zeta):
+def test_derivatives_of_the_roots_equal_finite_differences(zeta):
     x = np.array([0.25, 0.1, 0.7, zeta, 0.05, 0.3, 2.5])
     by = slopes_of(x)
     slopes = np.stack([by[name] for name in ("s1", "s2", "p", "q")])

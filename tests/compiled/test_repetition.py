@@ -25,25 +25,25 @@ def after(past, *, mu=0.1):
 
 
 @pytest.mark.parametrize(("period", "expected"), [(1, 1), (3, 3), (8, 8), (0, 0)])
-def test_the_period_is_that_after_which_the_state_returns(period, expected):
+def test_the_period_is_the_number_of_cycles_after_which_the_state_returns(period, expected):
     assert after([STATE + (0.0 if j + 1 == period else 0.01) for j in range(8)]) == expected
 
 
-def test_the_shortest_period_that_is_close_as_well_counts():
+def test_the_shortest_of_several_close_periods_is_chosen():
     # On its way to period one a motion may alternate.
     assert after([STATE + 5e-7, STATE + 1e-9]) == 1
     assert after([STATE + 5e-6, STATE + 1e-9]) == 2
     assert after([STATE + 5e-7]) == 0
 
 
-def test_a_bob_without_mass_does_not_count():
+def test_a_bob_without_mass_does_not_affect_the_period():
     past = [STATE + np.array([0.0, 1.0, 0.0, 1.0])]
     assert after(past) == 0
     assert after(past, mu=0.0) == 1
 
 
 @pytest.mark.parametrize(("xi", "known"), [(4.0, [0.2, 0.5, 0.8, 2.0]), (0.1, [0.2, 0.5, 0.2, 0.5])])
-def test_scales_grow_with_the_rate_of_the_shaking(xi, known):
+def test_scales_of_the_state_grow_with_the_excitation_frequency(xi, known):
     np.testing.assert_allclose(r.scales_of.py_func(SimpleNamespace(nu=0.2, f=0.3, xi=xi)), known)
 
 
@@ -58,7 +58,7 @@ def test_scales_grow_with_the_rate_of_the_shaking(xi, known):
         (3.0, 0.0, 1.0, 0.0),
     ],
 )
-def test_the_shaking_grows_until_it_has_its_full_size(monkeypatch, elapsed, since, share, until):
+def test_the_excitation_grows_linearly_to_its_full_size(monkeypatch, elapsed, since, share, until):
     monkeypatch.setattr(r, "steady", lambda cubics: r.Forcing(True, 1.0, 0.0, 0, cubics))
     f, grown = r.excitation_in.py_func(2.5, 3.0, elapsed, since, np.empty((0, 4)))
     assert f.share == pytest.approx(share)

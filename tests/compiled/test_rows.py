@@ -14,7 +14,7 @@ from tpd.compiled.rows import ground_row_of, packed, row_of
 from tpd.scene.parameters import NAMES, from_row
 
 
-def test_parameters_come_back_with_ratios_of_their_own():
+def test_parameters_survive_packing_into_a_row():
     p = parameters((*WITH[0].x, 0.8))
     q = from_row(packed(p.numbers))
     assert float(q.rho) == float(p.inertia_ratio)
@@ -22,7 +22,7 @@ def test_parameters_come_back_with_ratios_of_their_own():
     assert isinstance(row_of(parameters(jnp.asarray(WITH[0].x))), np.ndarray)
 
 
-def test_in_a_row_under_a_ground_motion_the_duration_of_a_piece_replaces_the_frequency():
+def test_a_row_under_a_record_has_the_piece_duration_instead_of_the_frequency():
     p = parameters((*WITH[0].x[:6], np.array([2.0, 3.0])))
     row = row_of(p)
     row[:, XI] = 2.0 * np.pi / p.xi

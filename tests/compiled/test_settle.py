@@ -17,7 +17,7 @@ from tpd.theory import uplift
 from tpd.theory.equations import Terms
 
 
-def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down():
+def test_the_block_of_the_paper_rests_with_a_pendulum_that_prevents_uplift():
     without = paper_scene().parameters()
     x = (without.nu, 0.197, 1.2, 0.1, without.k, without.f, without.xi)
     assert uplift(parameters(x)).margin > 0.0
@@ -30,7 +30,7 @@ def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down():
 
 
 @pytest.mark.parametrize(("leans", "known"), [(0.0, "rest"), (0.02, "held")])
-def test_a_block_that_never_moves_is_not_sticking(leans, known):
+def test_a_block_that_never_moves_has_the_status_rest_or_held(leans, known):
     # The bob's own swing has twice the period of the forcing, psi = forced sin(xi tau) + own cos(xi tau/2),
     # and the two never pull their most at once: a bound by the sum of both proves nothing.
     nu, mu, lam, f = 0.2, 0.1, 0.4, 0.14
@@ -46,7 +46,7 @@ def test_a_block_that_never_moves_is_not_sticking(leans, known):
     assert found.settled_tilt[0] == leans
 
 
-def test_no_settled_motion_loses_its_status_to_the_short_way():
+def test_the_shortcut_to_an_orbit_gives_the_status_of_a_full_simulation():
     """A motion that is taken to its orbit early ends where one that is followed to the end does."""
     x, y = box(200, 11)
     p = parameters(x.T)
@@ -63,7 +63,7 @@ def test_no_settled_motion_loses_its_status_to_the_short_way():
     assert not np.any(moved & np.isin(names, ("rest", "overturned")))
 
 
-def test_a_slow_decay_is_taken_to_its_orbit():
+def test_a_slowly_decaying_motion_is_moved_onto_its_orbit():
     answer = exact(SLOW)
     assert answer.status == "rocking"
     assert 0.98 < float(answer.steady.multiplier) < 1.0
@@ -82,7 +82,7 @@ def hops(x, tilt, quiet):
     return int(run.impacts)
 
 
-def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():
+def test_the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed():
     nu, e, tilt = 0.2, 0.8, 0.01
     # Without friction every hop lands as fast as it began: speeds fall by e.
     fastest = np.sqrt(2.0 * nu * tilt - tilt**2)
@@ -148,7 +148,7 @@ def bob_alone(p, psi, rate, periods, nonlinear):
         (Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.005, k=0.0, f=0.02, xi=1.6, rho=0.7), REST, 400),
     ],
 )
-def test_the_bob_of_a_block_that_stays_where_it_is_has_its_own_angles(equations, p, y0, periods):
+def test_the_swing_above_a_resting_or_held_block_is_that_of_a_free_pendulum(equations, p, y0, periods):
     found = settled(equations, p, np.array([y0]), periods=periods)
     peak, last = bob_alone(p, y0[1], y0[3], periods, equations is Terms.nonlinear)
     assert names_of(found.status)[0] == ("held" if y0[0] else "rest")
@@ -164,7 +164,7 @@ def test_the_bob_of_a_block_that_stays_where_it_is_has_its_own_angles(equations,
         assert found.settled_swing[0] == pytest.approx(last, rel=2e-5)
 
 
-def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
+def test_the_swing_of_a_periodic_undamped_bob_is_the_largest_of_its_period():
     # Three swings of the bob take two periods of the forcing, and never add up to the sum of the amplitudes.
     p = Parameters(
         nu=0.3, mu=0.05, lam=0.5, zeta=0.0, k=0.0, f=0.02, xi=2.0 / 3.0 / np.sqrt(0.5 * 0.7), rho=0.7
@@ -177,7 +177,7 @@ def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
 
 
 @pytest.mark.parametrize("ulps", [0, 1, -1, 10_000])
-def test_a_bob_in_resonance_without_damping_has_no_swing_rather_than_zero(ulps):
+def test_an_undamped_resonant_bob_has_no_finite_swing(ulps):
     for mu in (0.0, 0.05):
         lam = 0.8
         p = Parameters(nu=0.25, mu=mu, lam=lam, zeta=0.0, k=0.05, f=0.1, xi=1.0)

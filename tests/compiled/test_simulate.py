@@ -25,7 +25,7 @@ SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
 NAMES = ("tilt", "swing", "rod_angle", "times", "state", "status", "impacts", "uplift_time")
 
 
-def test_one_motion_is_that_of_a_batch_and_records_are_shared():
+def test_a_single_motion_equals_its_row_of_a_batch():
     p, pieces = SCENE.ground_parameters(PENDULUM), jnp.asarray(SCENE.excitation.pieces())
     row, forcing = ground_row_of(p), GroundForcing([pieces], 3.0)
     alone = jax.jit(lambda y0: follow(tpd.Terms.linear, row, forcing, y0=y0, events=1000))(jnp.zeros(4))
@@ -41,7 +41,7 @@ def test_one_motion_is_that_of_a_batch_and_records_are_shared():
     assert batch.tilt[1] != batch.tilt[0]
 
 
-def test_linear_results_depend_neither_on_the_threads_nor_on_the_batch():
+def test_linear_results_do_not_depend_on_threads_or_batch():
     x, y = box(40, seed=11)
     calls, model = [], Piecewise(max_periods=60)
     alone = settled(
@@ -69,7 +69,7 @@ def status(*args, **options):
     return names_of(nonlinear(*args, **options).status)[0]
 
 
-def test_nothing_is_called_rest_while_the_shaking_grows_or_before_a_whole_period():
+def test_no_motion_is_called_rest_while_the_excitation_grows():
     p = dataclasses.replace(TALL, mu=0.0, f=0.2)
     at_once, slow = nonlinear(p, np.zeros((1, 4))), nonlinear(p, np.zeros((1, 4)), ramp=10.0)
     assert names_of(at_once.status)[0] == names_of(slow.status)[0] == "rest"
@@ -91,7 +91,7 @@ def test_nothing_is_called_rest_while_the_shaking_grows_or_before_a_whole_period
         ({}, [0.0, 0.0, 0.0, math.inf], "failed"),
     ],
 )
-def test_every_motion_has_a_status(changes, y0, name):
+def test_each_outcome_of_a_motion_has_its_status(changes, y0, name):
     found = nonlinear(dataclasses.replace(TALL, **changes), [y0], periods=200)
     assert names_of(found.status)[0] == name
     if name == "overturned":
@@ -105,7 +105,7 @@ def test_a_motion_cut_by_the_event_bound_has_its_status():
     assert status(TALL, np.zeros((1, 4)), events=1) == "event_bound"
 
 
-def test_results_do_not_depend_on_the_threads_or_on_the_call():
+def test_nonlinear_results_do_not_depend_on_threads_or_batch():
     y0, calls = np.random.default_rng(4).normal(size=(40, 4)) * [0.1, 0.2, 0.1, 0.2], []
     alone = nonlinear(TALL, y0, periods=20, workers=1, progress=lambda *done: calls.append(done))
     assert calls[-1] == (40, 40)
@@ -117,7 +117,7 @@ def test_results_do_not_depend_on_the_threads_or_on_the_call():
     assert tpd.status_name(nonlinear(TALL, [math.nan, 0.0, 0.0, 0.0]).status) == "failed"
 
 
-def test_a_ground_motion_under_jax_is_that_of_the_batch_and_has_no_derivatives():
+def test_a_nonlinear_ground_motion_under_jit_equals_the_batch():
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
     scene = tpd.Scene(block, tpd.Pulse.one_sine(acceleration=3.27, frequency=1.2375))
     p = scene.ground_parameters(tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129))
@@ -142,17 +142,17 @@ def test_a_ground_motion_under_jax_is_that_of_the_batch_and_has_no_derivatives()
         ({"rtol": 0.0}, "`rtol` must be positive and finite, but is 0"),
     ],
 )
-def test_bad_input_is_refused(wrong, message):
+def test_arguments_of_wrong_shape_or_range_are_rejected(wrong, message):
     with pytest.raises(ValueError, match=message):
         nonlinear(TALL, **({"y0": np.zeros((2, 4))} | wrong))
 
 
-def test_numba_is_not_loaded_before_it_is_needed():
+def test_importing_tpd_does_not_import_numba():
     code = "import sys, tpd, tpd.answers.ensemble; assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_a_block_at_rest_under_a_bob_that_repeats_itself_after_two_periods_is_not_sticking():
+def test_a_resting_block_with_a_bob_of_period_two_has_the_status_rest():
     # Nothing damps the bob; so small a swing has twice the period of the forcing to 1e-7.
     nu, lam = 0.2, 0.4
     xi = 2.0 / math.sqrt(lam * 0.75 / (1.0 + nu**2))

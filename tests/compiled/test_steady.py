@@ -31,7 +31,7 @@ PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["name"])
-def test_a_settled_motion_has_the_sizes_and_state_of_fifty_digits(row):
+def test_a_settled_motion_agrees_with_a_solution_of_fifty_digits(row):
     x = np.array(row["parameters"])
     s = SETTLE(x, np.array(row["y0"]))
     assert status_name(s.status) in ("rocking", "sticking", "rest")
@@ -73,12 +73,12 @@ LOSSES = [
 
 
 @pytest.mark.parametrize(("what", "status"), LOSSES)
-def test_the_verdict_of_compiled_code_and_of_jax_has_a_status_for_each_case(what, status):
+def test_compiled_code_and_jax_assign_the_same_status_to_each_case(what, status):
     assert verdict(**what) == status
 
 
 @pytest.mark.parametrize("case", MOVING[::2], ids=lambda case: case.name)
-def test_the_multiplier_is_that_of_the_map_over_one_period(case):
+def test_the_multiplier_is_the_largest_eigenvalue_of_the_return_map(case):
     answer = exact(case.x, case.y0)
     slopes = along(case.x, answer.steady.state, clock(case.x, 1))[1][-1]
     felt = [0, 2] if case.x[1] == 0 else [0, 1, 2, 3]
@@ -107,7 +107,7 @@ def test_a_bob_at_rest_has_the_multiplier_of_its_decay():
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
 
 
-def test_the_settled_state_of_period_three_has_the_gradient_of_differences():
+def test_the_gradient_of_an_orbit_of_period_three_equals_differences():
     answer, x = exact(PERIOD_THREE), PERIOD_THREE
     assert answer.steady.periods == 3
 
@@ -123,7 +123,7 @@ def test_the_settled_state_of_period_three_has_the_gradient_of_differences():
         np.testing.assert_allclose(answer.slopes[2:, i], expected, rtol=0, atol=reach)
 
 
-def test_derivatives_that_are_not_known_are_refused():
+def test_derivatives_of_multiplier_and_lyapunov_exponent_are_nan():
     @jax.jit
     @jax.jacfwd
     def slopes(x):
@@ -150,7 +150,7 @@ def test_a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient():
     assert np.all(np.isnan(answer.slopes))
 
 
-def test_an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings():
+def test_the_swing_of_an_undamped_bob_is_the_sum_of_its_two_oscillations():
     # lam rho psi'' + psi = f sin(xi tau) from rest: two swings whose peaks meet sooner or later.
     nu, mu, lam, f, xi = 0.2, 0.1, 0.4, 0.1, 4.0
     ratio = xi * np.sqrt(lam * 0.75 / (1 + nu**2))
@@ -162,7 +162,7 @@ def test_an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings()
     assert np.all(np.isnan(answer.slopes[1]))
 
 
-def test_a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic():
+def test_a_motion_that_decays_slowly_is_not_settled_and_not_aperiodic():
     # So tight a tolerance leaves the short way to the orbit out.
     model = Piecewise(tolerance=1e-11, max_periods=200)
 

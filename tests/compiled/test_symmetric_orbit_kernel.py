@@ -25,7 +25,7 @@ from tpd.compiled.symmetric_orbit_kernel import _status
         (0.5, 1e-6, "rocking"),
     ],
 )
-def test_an_orbit_about_to_be_lost_has_a_name(half, dent, status):
+def test_an_orbit_near_its_end_has_the_status_of_the_bifurcation(half, dent, status):
     named = _status.py_func(SimpleNamespace(k=0.05, e=1.0, mu=0.1, zeta=0.1), half, abs(1.0 - half), dent)
     assert ORBIT_STATUSES[named] == status
 
@@ -54,7 +54,7 @@ SWINGS = {
 }
 
 
-def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
+def test_the_swing_of_a_fast_bob_is_its_largest_angle():
     """Those above, and designs under slow shaking whose bob follows an impact quickly or is not damped."""
     rng, count = np.random.default_rng(1), 2 * BATCH - len(SWINGS)
     nu = rng.uniform(0.05, 0.45, count)
@@ -83,7 +83,7 @@ def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
         assert bob.max() * (1.0 - 1e-6) <= o.swing[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
 
 
-def test_a_path_with_too_many_peaks_is_not_followed_and_has_a_status():
+def test_an_orbit_with_too_many_peaks_has_the_status_overflow():
     without = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
     o = solve([without, (*without[:2], 3e-7, *without[3:])])
     assert o.exists[:, 0].tolist() == [True, False]
@@ -105,7 +105,7 @@ def turns_back(x):
 
 
 @pytest.mark.parametrize("x", TURNING_BACK)
-def test_without_friction_an_orbit_may_turn_back_between_two_impacts(x):
+def test_without_friction_an_orbit_can_turn_back_between_two_impacts(x):
     (places, o), p = turns_back(x), parameters(x)
     (j,) = places
     # Half a period: an orbit that repels is left within a few.
@@ -140,7 +140,7 @@ def test_an_orbit_with_two_equal_turns_counts_once():
         assert found[1] < 0.5 * found[0]
 
 
-def test_with_friction_no_orbit_that_turns_back_is_claimed():
+def test_with_friction_no_orbit_turns_back_between_two_impacts():
     for x in TURNING_BACK:
         o = solve([(*x[:4], 0.01 * x[0], *x[5:])])
         for j in np.flatnonzero(o.exists[0]):

@@ -51,7 +51,7 @@ def scales(x):
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["name"])
-def test_a_transient_ends_where_fifty_digits_end(row):
+def test_the_final_state_agrees_with_a_solution_of_fifty_digits(row):
     x = np.array(row["parameters"])
     times = np.linspace(0.0, row["periods"] * 2.0 * np.pi / x[6], SAMPLES)
     end = np.array([float(v) for v in row["end"]])
@@ -59,7 +59,7 @@ def test_a_transient_ends_where_fifty_digits_end(row):
     assert error[[0, 2] if x[1] == 0 else slice(None)].max() < REACH
 
 
-def test_motions_are_those_of_the_event_loop_over_the_whole_box():
+def test_random_linear_motions_equal_the_event_loop():
     compared = 0
     for x, y0 in zip(*box(12, 5), strict=True):
         times = np.linspace(0.0, 4.0 * np.pi / x[6], SAMPLES)
@@ -83,7 +83,7 @@ def test_a_motion_reaches_every_horizon_in_a_few_events():
         assert simulate(p, y0, np.array([0.0, horizon]), model=few).status == Status.rocking
 
 
-def test_too_few_events_are_reported_and_leave_no_numbers():
+def test_a_trajectory_with_too_few_events_is_nan_with_a_status():
     motion = simulate(
         parameters(WITH[0].x),
         np.zeros(4),
@@ -94,7 +94,7 @@ def test_too_few_events_are_reported_and_leave_no_numbers():
     assert np.all(np.isnan(motion.ys[-1]))
 
 
-def test_an_overturned_trajectory_has_its_status_and_neither_states_nor_derivatives_after_it():
+def test_states_and_derivatives_are_nan_after_overturning():
     ys, slopes, status = along(OVERTURNING, REST, clock(OVERTURNING, 20))
     assert status == "overturned"
     for numbers in (ys, slopes):
@@ -103,7 +103,7 @@ def test_an_overturned_trajectory_has_its_status_and_neither_states_nor_derivati
 
 
 @pytest.mark.parametrize("share", [0.0, 0.37])
-def test_a_period_that_begins_late_is_the_first_one(share):
+def test_a_late_period_equals_the_first_one(share):
     # Times of N periods have an error of the last digit of N, and rates of the order of one turn it into one
     # of the state.
     y0, period = exact(STICKING).steady.state, 2.0 * np.pi / STICKING[6]
@@ -114,7 +114,7 @@ def test_a_period_that_begins_late_is_the_first_one(share):
 
 
 @pytest.mark.parametrize("count", [0, 300])
-def test_states_have_the_derivatives_of_differences_also_late(count):
+def test_derivatives_of_early_and_late_states_equal_finite_differences(count):
     times = (count + 0.37 + np.array([0.0, 1.4, 2.3])) * 2.0 * np.pi / STICKING[6]
     point = np.array([*row_of(parameters(STICKING)), *exact(STICKING).steady.state, times[0], times[-1]])
 
@@ -131,7 +131,7 @@ def test_states_have_the_derivatives_of_differences_also_late(count):
         np.testing.assert_allclose(slopes[..., i], expected, rtol=1e-5, atol=reach)
 
 
-def test_second_derivatives_are_refused():
+def test_second_derivatives_of_a_trajectory_are_nan():
     def end(x):
         return simulate(parameters((*x, *WITH[0].x[2:])), np.zeros(4), clock(WITH[0].x, 2)).ys[-1, 0]
 

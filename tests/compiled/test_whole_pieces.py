@@ -32,7 +32,7 @@ def store_map(plants, kind, h, out, matrix):
 
 @pytest.mark.parametrize("kind", [SLIP, REST])
 @pytest.mark.parametrize("h", [1e-3, 0.1, 3.0])
-def test_the_map_of_a_piece_is_the_matrix_exponential(kind, h):
+def test_the_map_of_a_piece_equals_the_matrix_exponential(kind, h):
     for x in ([0.25, 0.0, 0.7, 0.1, 0.05, 0.3, 2.5], [0.2, 0.3, 0.1, 1.4, 0.0, 0.4, 1.0]):
         out, matrix = np.empty((4, 8)), np.zeros((8, 8))
         store_map(plants_of([x]), float(kind), h, out, matrix)
@@ -43,7 +43,7 @@ def test_the_map_of_a_piece_is_the_matrix_exponential(kind, h):
         np.testing.assert_allclose(out, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
-def test_samples_doubled_by_their_middles_change_nothing():
+def test_interpolated_samples_do_not_change_the_motion():
     def doubled(a, dt):
         out = np.empty(2 * len(a) - 1)
         out[::2], out[1::2] = a, 0.5 * (a[1:] + a[:-1])
@@ -60,7 +60,7 @@ def test_samples_doubled_by_their_middles_change_nothing():
         assert np.quantile(error, 0.95) < 1e-10
 
 
-def test_fewer_quantities_are_followed_if_fewer_are_requested():
+def test_a_brief_simulation_gives_the_statuses_of_a_full_one():
     sizes = np.linspace(0.9, 4.0, 40) * 9.80665 / 6.0
     cases = [Case(COLUMN, PENDULUM, tpd.Pulse.one_sine(acceleration=a, frequency=1.2375)) for a in sizes]
     rows, pieces, _ = operands(cases)

@@ -44,7 +44,7 @@ def same(a, b):
 WHOLE = in_chunks(answer, X, chunk=64, workers=1)
 
 
-def test_chunks_are_vmap_with_numpy_leaves_and_statuses_stay_statuses():
+def test_in_chunks_equals_vmap_and_returns_numpy_arrays():
     expected = jax.jit(jax.vmap(answer))(X)
     close(WHOLE, expected)
     assert all(isinstance(x, np.ndarray) for x in jax.tree.leaves(WHOLE))
@@ -65,14 +65,14 @@ def close(a, b):
 @pytest.mark.parametrize(
     "rows", [np.random.default_rng(4).permutation(LENGTH), slice(1), slice(64), slice(65)], ids=str
 )
-def test_each_element_gets_its_own_answer_whatever_the_order_length_chunk_and_workers(rows):
+def test_results_do_not_depend_on_order_length_chunk_or_workers(rows):
     expected = jax.tree.map(lambda a: a[rows], WHOLE)
     same(in_chunks(answer, X[rows], chunk=64, workers=5), expected)
     for chunk in (7, LENGTH + 1):
         close(in_chunks(answer, X[rows], chunk=chunk), expected)
 
 
-def test_a_batch_may_be_a_pytree_in_which_a_single_number_belongs_to_every_element():
+def test_a_batch_can_be_a_pytree_with_shared_scalars():
     batch = {"a": X, "b": (np.arange(LENGTH), jnp.asarray(X[:, 0])), "c": 3.0}
     found = in_chunks(lambda t: t["a"].sum() * t["b"][0] + t["c"] * t["b"][1], batch, chunk=7)
     np.testing.assert_allclose(found, X.sum(axis=1) * np.arange(LENGTH) + 3.0 * X[:, 0], rtol=1e-14)
@@ -109,7 +109,7 @@ def collatz(n):
     return steps[1]
 
 
-def test_elements_of_uneven_work_do_not_wait_for_a_whole_chunk_of_others():
+def test_functions_of_uneven_cost_get_small_chunks():
     told = []
     numbers = np.arange(1, 31)
     found = in_chunks(collatz, numbers, progress=lambda *at: told.append(at[0]))
@@ -119,7 +119,7 @@ def test_elements_of_uneven_work_do_not_wait_for_a_whole_chunk_of_others():
     assert default_chunk(answer, X) == CHUNK
 
 
-def test_the_default_chunk_knows_loops_of_programs_from_compiled_code():
+def test_the_default_chunk_is_small_only_for_jax_loops():
     for model, chunk in ((Smoothed(), UNEVEN), (Piecewise(), CHUNK)):
 
         def solved(f, model=model):
@@ -129,7 +129,7 @@ def test_the_default_chunk_knows_loops_of_programs_from_compiled_code():
         assert default_chunk(solved, np.array([0.3, 0.4])) == chunk
 
 
-def test_an_error_of_the_function_is_not_swallowed():
+def test_an_error_of_the_function_is_raised():
     with pytest.raises(ZeroDivisionError):
         in_chunks(lambda x: 1 / 0, X, chunk=64)
 
@@ -144,13 +144,13 @@ def test_an_error_of_the_function_is_not_swallowed():
     ],
     ids=["empty", "unequal", "numbers", "nothing"],
 )
-def test_a_batch_without_one_length_is_refused(batch, lengths):
+def test_a_batch_of_arrays_of_different_lengths_is_rejected(batch, lengths):
     sentence = rf"`batch` must be arrays of one length above zero, but has lengths {lengths}"
     with pytest.raises(ValueError, match=sentence):
         in_chunks(answer, batch)
 
 
-def test_every_thread_computes_in_the_floats_of_its_caller():
+def test_every_thread_uses_the_float_type_of_its_caller():
     wide = np.arange(1.0, 400.0) + 1e-9
     exact = in_chunks(third, wide, chunk=64)
     np.testing.assert_allclose(exact, wide / 3.0, rtol=1e-15)
@@ -182,7 +182,7 @@ def test_a_prepared_function_is_not_traced_again():
     assert len(traced) == 1
 
 
-def test_the_interpreter_waits_for_what_goes_on_aside():
+def test_the_interpreter_waits_for_background_work():
     work = "import time; from tpd.core.batch import aside; aside(lambda: (time.sleep(1), print('done')))"
     ended = subprocess.run(
         [sys.executable, "-c", work + "; raise SystemExit(3)"], capture_output=True, text=True
@@ -195,7 +195,7 @@ def interrupt(done, of):
     raise KeyboardInterrupt
 
 
-def test_after_ctrl_c_no_further_piece_of_work_begins():
+def test_no_piece_of_work_begins_after_ctrl_c():
     begun, never = [], threading.Event()
 
     def run(first, last):
@@ -210,14 +210,14 @@ def test_after_ctrl_c_no_further_piece_of_work_begins():
 
 
 @pytest.mark.parametrize("kind", [">f8", "f4", "longdouble", int])
-def test_a_batch_of_another_type_has_the_answers_of_64_bit_floats(kind):
+def test_a_batch_of_another_type_is_computed_in_64_bit_floats(kind):
     batch = np.array([1.0, 2.0, 3.0])
     np.testing.assert_array_equal(in_chunks(jnp.sin, batch.astype(kind)), in_chunks(jnp.sin, batch))
 
 
 @pytest.mark.parametrize("workers", [None, 1, 3])
 @pytest.mark.parametrize("n", [1, 7, 1000])
-def test_every_row_is_done_once_in_pieces_within_their_bounds(workers, n):
+def test_every_row_is_computed_once_in_pieces_of_allowed_size(workers, n):
     done, pieces, calls = np.zeros(n, int), [], []
 
     def run(first, last):

@@ -390,7 +390,7 @@ def said():
 
 
 @pytest.mark.parametrize(("call", "message"), CALLS.items(), ids=CALLS)
-def test_bad_input_is_refused_in_one_sentence(said, call, message):
+def test_invalid_input_of_a_public_call_is_rejected_in_one_sentence(said, call, message):
     kind, text = said[0][call]
     assert kind == "ValueError", (kind, text)
     assert message in text
@@ -398,13 +398,13 @@ def test_bad_input_is_refused_in_one_sentence(said, call, message):
     assert len(text) < 260
 
 
-def test_nothing_is_compiled_for_bad_input(said):
+def test_invalid_input_is_rejected_before_compilation(said):
     """A search, an orbit or an integration takes seconds to compile; an addition of two numbers does not."""
     assert said[1] < 0.5
 
 
 @pytest.mark.parametrize("call", ALIKE)
-def test_a_number_or_an_array_in_any_form_gives_the_same_answer_to_the_last_bit(said, call):
+def test_numbers_and_arrays_of_any_type_give_bitwise_equal_results(said, call):
     assert said[2].get(call, []) == []
 
 
@@ -430,12 +430,12 @@ def test_a_number_or_an_array_in_any_form_gives_the_same_answer_to_the_last_bit(
         (lambda: tpd.check(None, colour=0.5), "allowed are subject, pendulum, swing_limit, models, progress"),
     ],
 )
-def test_an_unknown_argument_is_named_with_the_name_that_is_meant(call, message):
+def test_an_unknown_argument_gets_a_hint_with_the_similar_name(call, message):
     with pytest.raises(TypeError, match=re.escape(message)):
         call()
 
 
-def test_an_old_name_at_the_top_is_named_with_the_new_one():
+def test_an_old_public_name_gets_a_hint_with_the_new_name():
     for old, new in (("study", "details"), ("Segmented", "Nonlinear")):
         with pytest.raises(AttributeError, match=rf"attribute {old}; it is now called `{new}`"):
             getattr(tpd, old)

@@ -15,7 +15,7 @@ from tpd.cli import outputs
 from tpd.core import files
 
 
-def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+def test_a_file_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     path = files.place(tmp_path / "a" / "b.txt", "first")
     assert path.read_text() == "first"
     assert path.stat().st_mode & 0o777 == 0o644
@@ -55,7 +55,7 @@ def test_sealed_content_is_returned_only_unchanged_and_for_its_key():
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
-def test_a_folder_of_compiled_code_is_made_for_the_user_alone(tmp_path):
+def test_a_folder_of_compiled_code_is_private_to_the_user(tmp_path):
     store = tmp_path / "home" / ".cache" / "tpd" / "compiled"
     before = os.umask(0o002)
     try:
@@ -65,7 +65,7 @@ def test_a_folder_of_compiled_code_is_made_for_the_user_alone(tmp_path):
     assert store.stat().st_mode & 0o777 == 0o700
 
 
-def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
+def test_infinite_and_missing_numbers_are_words_in_json_and_empty_in_csv():
     found = json.loads(files.as_json({"b": [math.inf, math.nan], "a": (1.5, {"x": -math.inf})}))
     assert found == {"a": [1.5, {"x": "-infinite"}], "b": ["infinite", "nan"]}
     table = files.as_table({"x": np.array([0.1, np.nan]), "word": np.array(["a,b", "c"])})
@@ -77,7 +77,7 @@ def test_a_table_has_empty_cells_for_missing_numbers_and_no_lists():
     assert files.as_csv(["a", "b", "c"], rows) == "a,b,c\n,first note; second,1\n,,\ninf,x,y\n"
 
 
-def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
+def test_the_date_of_a_report_can_be_set_by_the_environment(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     assert files.today() == "2023-11-14"
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
@@ -89,7 +89,7 @@ def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO])
-def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left_of_it(tmp_path, monkeypatch, code):
+def test_a_failed_write_states_its_file_and_leaves_no_part_of_it(tmp_path, monkeypatch, code):
     path = tmp_path / "out" / "table.csv"
 
     class Full(io.FileIO):
@@ -116,7 +116,7 @@ class Small(io.FileIO):
 
 
 @pytest.mark.parametrize("space", [0, 100, 300, 500, 700])
-def test_a_full_disk_leaves_nothing_of_a_result(tmp_path, monkeypatch, space):
+def test_a_full_disk_leaves_no_part_of_a_result(tmp_path, monkeypatch, space):
     (tmp_path / "mine.txt").write_text("keep me")
     monkeypatch.setattr(files, "open", Small, raising=False)
     tables = [("a.csv", "x" * 100), ("b.json", "x" * 200)]
@@ -130,7 +130,7 @@ def test_a_full_disk_leaves_nothing_of_a_result(tmp_path, monkeypatch, space):
     assert {p.name for p in (tmp_path / "new" / "out").glob("[!.]*")} == {"a.csv", "b.json", "c.png"}
 
 
-def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tmp_path, capsys):
+def test_files_of_an_earlier_result_are_removed_and_other_files_are_reported(tmp_path, capsys):
     def write(main, *pictures):
         outputs.write(tmp_path, [(main, "1\n")], {name: lambda: b"picture" for name in pictures})
         return capsys.readouterr().err
@@ -157,7 +157,7 @@ def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tm
     assert "d.png" in write("a.json")
 
 
-def test_a_file_instead_of_a_folder_and_too_long_a_name_are_named(tmp_path):
+def test_an_error_of_a_path_states_the_path(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(NotADirectoryError) as refused:
         files.place(tmp_path / "file" / "table.csv", "content")
@@ -183,7 +183,7 @@ def test_a_full_disk_and_a_dangling_link_are_reported_before_the_work(tmp_path, 
         files.claim(tmp_path / "out", overwrite=False)
 
 
-def test_a_path_begins_at_home(tmp_path, monkeypatch):
+def test_a_tilde_in_a_path_is_the_home_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert files.path_of("~/größe") == tmp_path / "größe"
     assert files.path_of(Path("~")) == tmp_path
@@ -192,7 +192,7 @@ def test_a_path_begins_at_home(tmp_path, monkeypatch):
         assert files.path_of(plain) == Path(plain)
 
 
-def test_names_of_files_are_written_as_text(tmp_path):
+def test_file_names_in_any_encoding_are_written_as_utf_8(tmp_path):
     # As Python reads the names under a locale without these letters, and one that is not in UTF-8.
     ours, others = os.fsencode("größe").decode("ascii", "surrogateescape"), "\udcfc"
     assert files.readable(ours) == "größe"

@@ -17,7 +17,7 @@ from tpd.core.formatting import Printed, Tabular, compared, counted, meant, numb
         *((-2.5, "-2.5"), (99999.0, "100000"), (1e7, "1e+07"), (9.9e-5, "9.9e-05"), (1.0, "1")),
     ],
 )
-def test_numbers(x, text):
+def test_a_number_is_printed_with_its_significant_digits(x, text):
     assert number(x) == text
 
 
@@ -34,11 +34,11 @@ def test_numbers(x, text):
         (math.inf, 1.0, 3, number, ("infinite", "1")),
     ],
 )
-def test_a_value_and_its_limit_have_the_digits_that_show_which_is_larger(value, limit, digits, form, texts):
+def test_a_value_and_its_limit_are_printed_with_enough_digits_to_differ(value, limit, digits, form, texts):
     assert compared(value, limit, digits, form) == texts
 
 
-def test_words():
+def test_counts_ranges_and_hints_are_readable_words():
     assert counted(np.array(["no_orbit", "rocking", "rocking"])) == "2 rocking, 1 no orbit"
     assert [formatting.counted_periods(n) for n in (1, 3)] == ["1 period", "3 periods"]
     assert span(np.array([0.01, np.nan, 0.2]), "rad") == "0.01 to 0.2 rad"
@@ -83,7 +83,7 @@ def test_columns_of_a_table_are_aligned():
     ]
 
 
-def test_a_result_shows_its_lines_and_its_table(monkeypatch):
+def test_a_result_in_a_notebook_is_text_and_table(monkeypatch):
     class Result(Printed, Tabular):
         def __str__(self):
             return "tilt < 0.2 rad"

@@ -43,7 +43,7 @@ def run(code, **places):
     return done.returncode, done.stdout.strip(), said
 
 
-def test_damaged_files_of_jax_are_made_again(tmp_path):
+def test_damaged_cache_files_of_jax_are_compiled_again(tmp_path):
     place = {"XDG_CACHE_HOME": str(tmp_path)}
     values = "[11.0, 20.0, 7.0, -6.0]"
     folder = tmp_path / "tpd" / "compiled"

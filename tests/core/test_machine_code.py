@@ -50,7 +50,7 @@ def test_damaged_code_is_compiled_again_with_a_warning(folder, end, way):
     assert hits() == 1
 
 
-def test_an_error_of_the_function_itself_is_no_damage(folder):
+def test_a_typing_error_of_a_function_is_raised(folder):
     with pytest.raises(numba.TypingError):
         stored(lambda x: x.nothing, numba.njit, "float64(float64)")
 
@@ -67,7 +67,7 @@ print(made.ctypes(3.0), made.cache_hits)
 """
 
 
-def test_one_of_several_processes_compiles(tmp_path):
+def test_only_one_of_several_processes_compiles(tmp_path):
     (tmp_path / "small.py").write_text(SMALL)
     options = {"env": {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}, "text": True}
     command, pipe = [sys.executable, str(tmp_path / "small.py")], subprocess.PIPE
@@ -100,7 +100,7 @@ def test_code_in_a_folder_of_other_users_is_not_executed_and_gives_one_warning(f
         (caching._CacheLocator, "ensure_cache_path", "no locator available"),
     ],
 )
-def test_code_that_cannot_be_stored_is_compiled_nevertheless(folder, monkeypatch, owner, name, why):
+def test_code_that_cannot_be_stored_is_compiled_with_a_warning(folder, monkeypatch, owner, name, why):
     def refuse(*_):
         raise OSError(28, "No space left on device")
 
@@ -110,7 +110,7 @@ def test_code_that_cannot_be_stored_is_compiled_nevertheless(folder, monkeypatch
     assert len(said) == 1
 
 
-def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkeypatch):
+def test_no_cache_is_written_to_the_working_folder_without_a_home(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(core.files, "_WARNINGS", set())
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
@@ -134,7 +134,7 @@ def new_wave(kind):
     return (lambda x: turned(x) + np.sqrt(abs(turned(2.0 * x) - grown(x)[1]))), turned
 
 
-def test_a_part_is_translated_with_its_entrance_alone_and_gives_the_same_bits():
+def test_a_part_is_compiled_once_with_its_entry_and_gives_equal_bits():
     answers, translated = [], []
     for kind in (compiled, numba.njit(error_model="numpy")):
         wave, part = new_wave(kind)
@@ -176,7 +176,7 @@ def again():
 
 
 @pytest.mark.parametrize(("owner", "name"), HIDDEN, ids=[name for _, name in HIDDEN])
-def test_without_a_private_name_of_numba_its_usual_compiler_serves(owner, name, monkeypatch):
+def test_the_usual_compiler_of_numba_is_used_if_a_private_name_is_missing(owner, name, monkeypatch):
     expected = compiled_by({})
     with monkeypatch.context() as hidden:
         hidden.setitem(sys.modules, "numba._dynfunc", None)
@@ -186,7 +186,7 @@ def test_without_a_private_name_of_numba_its_usual_compiler_serves(owner, name, 
     assert not copy._can_compile_parts()
 
 
-def test_a_private_name_that_is_missing_while_a_part_is_compiled_does_not_matter(monkeypatch):
+def test_parts_can_be_compiled_without_the_private_names_of_numba(monkeypatch):
     with monkeypatch.context() as hidden:
         hidden.setattr(numba, "_dynfunc", SimpleNamespace())
         copy = again()

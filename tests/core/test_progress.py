@@ -13,7 +13,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_pipe_gets_plain_lines_with_the_stage_the_count_and_the_time():
+def test_progress_in_a_pipe_is_plain_lines_with_stage_count_and_time():
     out = io.StringIO()
     with Bar(out, every=0.0) as bar:
         time.sleep(0.7)
@@ -29,14 +29,14 @@ def test_a_pipe_gets_plain_lines_with_the_stage_the_count_and_the_time():
     assert "\r" not in out.getvalue()
 
 
-def test_a_quick_piece_of_work_leaves_a_pipe_empty():
+def test_short_work_prints_no_progress_to_a_pipe():
     out = io.StringIO()
     with Bar(out) as bar:
         bar("searching", 64, 64)
     assert out.getvalue() == ""
 
 
-def test_a_terminal_gets_a_bar():
+def test_progress_in_a_terminal_is_a_bar():
     out = Terminal()
     with Bar(out) as bar:
         assert COMPILING in out.getvalue()
@@ -46,7 +46,7 @@ def test_a_terminal_gets_a_bar():
     assert "verifying" in out.getvalue()
 
 
-def test_true_is_a_bar_and_a_function_is_taken_as_it_is():
+def test_the_argument_progress_is_true_or_a_function():
     seen = []
     with shown(True) as bar, shown_count(True, "mapping") as count:
         assert isinstance(bar, Bar)

@@ -21,7 +21,7 @@ def one_sine(scale):
     return tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=scale * 9.80665 / 6.0, frequency=1.2375))
 
 
-def test_a_column_overturns_at_the_tilt_of_the_equations():
+def test_mujoco_and_the_equations_agree_about_overturning_of_a_column():
     # Least scales of a one-sine pulse by several engines: 2.45 bare, 7.0 with the pendulum.
     for scale, pendulum, fell in ((2.3, None, 0), (2.6, None, 1), (6.5, PENDULUM, 0), (7.6, PENDULUM, 1)):
         found = compared(one_sine(scale), pendulum, runs=1)
@@ -36,7 +36,7 @@ def assert_alike(found, rtol, least=0):
         np.testing.assert_allclose(theirs.tilt[stands], ours.tilt[stands], rtol=rtol)
 
 
-def test_similar_tilts_of_both_give_a_verdict_of_agreement():
+def test_similar_tilts_in_both_models_give_no_warning():
     found = compared(one_sine(2.2), PENDULUM, runs=6)
     assert_alike(found, 0.03, least=3)
     assert not found.disagrees
@@ -45,7 +45,7 @@ def test_similar_tilts_of_both_give_a_verdict_of_agreement():
     assert "a fifth of its step" in str(found)
 
 
-def test_a_harmonic_is_followed_with_the_starts_of_the_ensemble():
+def test_mujoco_simulates_a_harmonic_from_the_initial_states_of_the_ensemble():
     scene = tpd.paper_scene()
     scene = replace(scene, block=replace(scene.block, restitution="housner", friction=0.0))
     # Without the pendulum, and at a larger amplitude, the motion is chaotic.
@@ -67,7 +67,7 @@ def verdict_of(engine, finer, equations):
     return EngineVerdict(engine="MuJoCo 0", sliding=0.6, restitution=0.9, **asked, **pairs)
 
 
-def test_a_disagreement_comes_before_the_answer(tmp_path):
+def test_a_disagreement_of_the_models_is_printed_first(tmp_path):
     helps, harms = ([0.02, 0.02], [0.1, np.inf]), ([0.1, np.inf], [0.02, 0.02])
     wrong = verdict_of(harms, harms, helps)
     assert wrong.disagrees
@@ -92,7 +92,7 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
     assert "DANGER" not in (tmp_path / "report.html").read_text()
 
 
-def test_the_command_checks_a_pendulum_in_the_engine(capsys):
+def test_check_can_simulate_a_pendulum_in_mujoco(capsys):
     asked = "check --width 0.1 --height 0.4 --mass 8 --restitution housner --frequency 2.5 --amplitude 0.015"
     with_it = "--pendulum-mass 3.2 --pendulum-length 0.08 --engine mujoco --runs 1"
     assert main([*asked.split(), *with_it.split()]) == 3

@@ -52,7 +52,7 @@ OWN = 9000.0 * (0.5**2 + 3.0**2) / 3.0
 """Moment of inertia of the column about its centre, kg m^2."""
 
 
-def test_bodies_touch_the_base_within_their_effective_width():
+def test_the_contact_width_of_a_body_is_its_effective_width():
     block = replace(COLUMN, effective_width=0.9)
     scenes = tpd.Scene(COLUMN, PULSE), tpd.Scene(block, PULSE)
     whole, narrow = (body_of(scene, scene.ground_parameters(PENDULUM), 0.6) for scene in scenes)
@@ -62,7 +62,7 @@ def test_bodies_touch_the_base_within_their_effective_width():
     assert narrow.housner == pytest.approx(float(block.velocity_ratio), rel=1e-14)
 
 
-def test_the_text_for_mujoco_has_the_masses_of_the_scene():
+def test_the_mujoco_model_has_the_masses_of_the_scene():
     mujoco = pytest.importorskip("mujoco")
 
     model = mujoco.MjModel.from_xml_string(mjcf(SCENE, PENDULUM))
@@ -74,7 +74,7 @@ def test_the_text_for_mujoco_has_the_masses_of_the_scene():
         mjcf(SCENE, sliding=-1.0)
 
 
-def test_the_text_for_opensees_has_the_masses_of_the_scene():
+def test_the_opensees_model_has_the_masses_of_the_scene():
     said, values = stubbed(opensees(SCENE, PENDULUM))
 
     def numbers(command):
@@ -93,7 +93,7 @@ def test_the_text_for_opensees_has_the_masses_of_the_scene():
     assert max(map(float, values)) == pytest.approx(PULSE.pga, rel=1e-4)
 
 
-def test_every_motion_and_a_block_without_pendulum_have_a_text():
+def test_opensees_models_exist_for_every_excitation_and_without_pendulum():
     record = tpd.Record([0.5, -1.0, 2.0], 0.02)
     said, values = stubbed(opensees(tpd.Scene(COLUMN, record)))
     assert list(map(float, values)) == pytest.approx([0.5, -1.0, 2.0])
@@ -150,7 +150,7 @@ def by_opensees(text: str, folder) -> dict[str, np.ndarray]:
     return {path.stem: np.loadtxt(path) for path in folder.glob("*.out")}
 
 
-def test_a_column_with_its_pendulum_moves_as_by_the_equations(tmp_path):
+def test_opensees_reproduces_the_motion_of_the_linear_model(tmp_path):
     from tpd.answers.motion_history import motion_history
 
     found = by_opensees(opensees(SCENE, PENDULUM), tmp_path)

@@ -21,13 +21,13 @@ def body(block, pendulum=None, steps=1):
 
 
 @pytest.mark.parametrize("size", [(0.1, 0.4, 8.0), (1.0, 6.0, 9000.0), (2.0, 14.0, 70_000.0)])
-def test_impacts_are_those_of_housner(size):
+def test_impacts_in_mujoco_have_housners_restitution(size):
     width, height, mass = size
     one = body(tpd.Block(width=width, height=height, mass=mass, restitution="housner"), steps=5)
     assert free_rocking(one) == pytest.approx(one.housner, abs=2e-3)
 
 
-def test_without_a_floor_the_bob_swings_as_a_pendulum():
+def test_the_bob_in_mujoco_swings_with_the_pendulum_frequency():
     # A bob without weight beside the block, let go at a small angle.
     light = tpd.Pendulum(mass=1e-3, length=2.0, damping_ratio=0.1)
     rate = math.sqrt(9.80665 / 2.0)
@@ -38,7 +38,7 @@ def test_without_a_floor_the_bob_swings_as_a_pendulum():
     assert found.tilt[0] < 1e-4
 
 
-def test_without_the_engine_one_sentence_names_the_extra(monkeypatch):
+def test_a_missing_engine_is_reported_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ValueError, match=r"pip install '.\[engines\]'"):
         available()

@@ -23,7 +23,7 @@ def same(kind):
 
 
 @pytest.mark.parametrize("kind", [Piecewise, Nonlinear])
-def test_a_subclass_that_changes_nothing_answers_as_its_class(kind):
+def test_an_unchanged_subclass_of_a_model_gives_equal_results(kind):
     names, found = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"), set()
     # The first does not repeat, and by rules of their own motions of subclasses were not settled.
     wandering = (0.22890152, 0.1550568, 1.56917923, 0.0, 0.05825169, 0.87740434, 8.26180769, 1.0)
@@ -38,13 +38,13 @@ def test_a_subclass_that_changes_nothing_answers_as_its_class(kind):
 
 
 @pytest.mark.parametrize("model", [Piecewise(), Nonlinear()])
-def test_bounds_are_those_of_a_batch(model):
+def test_default_bounds_of_a_model_equal_those_of_a_batch(model):
     assert model.max_periods == PERIODS[model.equations]
     assert model.max_events == EVENTS
     assert model.rest_rate == REST_RATES[model.equations]
 
 
-def test_both_equations_are_solved_alike_at_small_angles():
+def test_linear_and_nonlinear_models_agree_at_small_angles():
     # What the linear equations drop is of second order in the angles.
     scale = 1e-3
     for x in (WITH[2].x, WITH[3].x):

@@ -43,7 +43,7 @@ def compared(answer, exact):
         (("unstable", 0.1), ("rocking", 0.2), "unstable", 0.5),
     ],
 )
-def test_a_smoothed_answer_far_from_the_exact_one_is_inexact(answer, exact, expected, error):
+def test_a_smoothed_result_far_from_the_linear_model_is_inexact(answer, exact, expected, error):
     status, found = compared(answer, exact)
     assert status == expected
     assert found == pytest.approx(error, rel=1e-12, nan_ok=True)

@@ -57,7 +57,7 @@ def parameters(scene):
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda x: f"e={x[-1]:g} k={x[4]:g}")
-def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
+def test_a_few_newton_steps_reach_the_orbit_and_its_derivatives(scene):
     p, design = parameters(scene)
     sizes, slopes, orbits = exact(p, design)
     turn = turn_of(p, design)
@@ -80,7 +80,7 @@ def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
     assert float(step.multiplier) == pytest.approx(float(np.abs(orbits.multipliers[0]).max()), rel=5e-3)
 
 
-def test_slopes_at_the_default_tolerance_are_as_good():
+def test_derivatives_are_accurate_at_the_default_tolerance():
     p, design = parameters(SCENES[1])
     _, slopes, _ = exact(p, design)
     turn = turn_of(p, design)
@@ -90,7 +90,7 @@ def test_slopes_at_the_default_tolerance_are_as_good():
     assert np.max(np.abs(step.slope[0] - slopes[0])) < 5e-4 * np.max(np.abs(slopes[0]))
 
 
-def test_a_motion_that_is_no_orbit_has_a_status():
+def test_a_guess_far_from_an_orbit_is_not_accepted_as_solved():
     """A wild start keeps the bound on the steps, and neither hangs nor passes for an orbit."""
     p, design = parameters(SCENES[2])
     for turn in ([0.1, 40.0, 0.3, -90.0], [np.nan, 0.0, 0.0, 0.0], [50.0, 0.0, 0.0, 0.0]):
@@ -98,7 +98,7 @@ def test_a_motion_that_is_no_orbit_has_a_status():
         assert not bool(step.solved) or float(step.residual) > 1.0
 
 
-def test_one_orbit_that_cannot_be_solved_spoils_no_other():
+def test_an_unsolvable_orbit_does_not_affect_other_orbits():
     p, design = parameters(SCENES[2])
     turn = turn_of(p, design)
     half = jax.tree.map(lambda x: np.stack([x] * 3), HALVES[MODEL]((p, design, ONE, turn)))

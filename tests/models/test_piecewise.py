@@ -63,7 +63,7 @@ def power(distances, values):
 
 
 @pytest.mark.parametrize("case", CASES, ids=named)
-def test_amplitude_and_gradient_are_the_known_ones(case):
+def test_amplitude_and_gradient_equal_stored_references(case):
     answer = exact(case.x, case.y0)
     assert answer.status == ("rest" if case is STILL else "rocking")
     assert answer.amplitude == pytest.approx(case.amplitude, rel=case.amplitude_rtol, abs=case.amplitude_atol)
@@ -73,7 +73,7 @@ def test_amplitude_and_gradient_are_the_known_ones(case):
 
 
 @pytest.mark.parametrize("x", [STILL.x, (*WITH[3].x, 0.8)], ids=["rest", "impacts"])
-def test_amplitude_and_swing_have_the_gradients_of_differences(x):
+def test_gradients_of_amplitude_and_swing_equal_finite_differences(x):
     # From the settled state, since far steps from elsewhere may end on another orbit. The amplitude is known
     # to about 1e-14 of itself, hence its differences to 1e-8 even where they are small.
     answer = exact(x)
@@ -98,7 +98,7 @@ def test_an_estimate_that_was_not_computed_has_no_derivative():
     assert np.isnan(jax.grad(estimate)(0.05))
 
 
-def test_settings_that_make_no_sense_are_refused():
+def test_settings_out_of_range_are_rejected():
     with pytest.raises(ValueError, match="`max_periods` must be a whole number, 1 or more, but is 0"):
         Piecewise(max_periods=0)
 
@@ -106,7 +106,7 @@ def test_settings_that_make_no_sense_are_refused():
 # Folds, breaking of symmetry, grazing, sticking
 
 
-def test_next_to_a_fold_the_gradient_is_refused_by_name():
+def test_the_gradient_at_a_fold_is_nan_with_status_near_fold():
     x = moved(FOLDING, F, (b := lost(Kind.fold)).value * (1.0 + 5e-14))
     o = orbits([x])
     assert list(o.status[0, :2]) == ["near_fold", "near_fold"]
@@ -118,7 +118,7 @@ def test_next_to_a_fold_the_gradient_is_refused_by_name():
     assert settled.amplitude == pytest.approx(b.amplitude, rel=1e-5)
 
 
-def test_next_to_a_grazing_the_gradient_is_refused_by_name():
+def test_the_gradient_at_a_grazing_impact_is_nan_with_status_grazing():
     b, distances = lost(Kind.grazing), 10.0 ** np.linspace(-9.0, -3.0, 7)
     o = among(TOUCHING, "f", b.value * (1.0 - distances))
     # The margin vanishes in proportion: below 1e-7 of what is usual it is called grazing.
@@ -135,11 +135,11 @@ def test_next_to_a_grazing_the_gradient_is_refused_by_name():
 # Overturning
 
 
-def test_an_overturning_has_a_status_and_no_gradient():
+def test_an_overturned_block_has_no_gradient():
     assert_overturned(exact(OVERTURNING))
 
 
-def test_starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name():
+def test_initial_states_near_overturning_reach_an_attractor_or_have_a_status():
     answers, low, high = [], 0.16, 0.3
     for _ in range(45):
         tilt = 0.5 * (low + high)
@@ -158,7 +158,7 @@ def test_starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name():
 # Limits
 
 
-def test_at_resonance_a_bob_under_a_resting_block_swings_by_its_damping_alone():
+def test_the_resonant_swing_above_a_resting_block_is_set_by_damping():
     nu, lam, f = 0.25, 0.8, 0.1
     xi = np.sqrt((1.0 + nu**2) / (0.75 * lam))
     for zeta in (1e-1, 1e-3, 1e-6):
@@ -172,7 +172,7 @@ def test_at_resonance_a_bob_under_a_resting_block_swings_by_its_damping_alone():
         assert np.all(np.isnan(heavy.slopes))
 
 
-def test_exact_resonance_without_damping_has_a_status():
+def test_undamped_resonance_has_the_status_failed():
     # 1 - lam rho xi^2 is zero.
     answer = exact((0.5, 0.1, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0))
     assert answer.status == "failed"
@@ -180,7 +180,7 @@ def test_exact_resonance_without_damping_has_a_status():
     assert np.all(np.isnan(answer.slopes))
 
 
-def test_a_period_too_long_to_be_followed_has_a_status():
+def test_too_long_a_period_has_the_status_event_bound():
     answer = exact((0.2, 0.1, 0.4, 0.2, 0.05, 0.1, 1e-6))
     assert answer.status == "event_bound"
     assert np.all(np.isnan(answer.slopes))
@@ -202,7 +202,7 @@ def dimensionless(size, mass):
 
 
 @pytest.mark.parametrize(("height", "density"), [(1e-3, 4e5), (1e3, 20.0)])
-def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, density):
+def test_the_size_of_the_block_does_not_change_dimensionless_results(height, density):
     x = dimensionless(height / 0.4, density * height**3 / 16.0)
     usual = dimensionless(1.0, 16.2)
     np.testing.assert_allclose(x, usual, rtol=1e-14)
@@ -213,7 +213,7 @@ def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height
 
 
 @pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
-def test_a_steady_state_is_that_of_integration(x):
+def test_a_nonlinear_steady_state_equals_an_independent_integration(x):
     ours, loop = steady_state(parameters(x), model=Nonlinear()), EventDriven(x, nonlinear=True)
     assert math.isnan(ours.multiplier)
     assert math.isnan(ours.lyapunov)
@@ -234,7 +234,7 @@ SETTLED_AMPLITUDE = 0.0659875
 gives 0.066007, 0.066000 and 0.065997."""
 
 
-def test_the_settled_nonlinear_amplitude_is_the_known_one_and_near_the_linear_one():
+def test_the_nonlinear_amplitude_has_its_known_value_near_the_linear_one():
     found = steady_state(parameters(WITH[3].x), model=Nonlinear())
     assert status_name(found.status) == "rocking"
     assert found.amplitude == pytest.approx(SETTLED_AMPLITUDE, rel=1e-5)
@@ -242,7 +242,7 @@ def test_the_settled_nonlinear_amplitude_is_the_known_one_and_near_the_linear_on
     assert found.amplitude != pytest.approx(WITH[3].amplitude, rel=1e-3)
 
 
-def test_the_distance_of_the_linear_model_falls_as_the_square_of_the_angles():
+def test_the_error_of_the_linear_model_falls_as_the_square_of_the_angles():
     """Proportional nu, k and f scale the linear motion only; rho stays."""
     scales, apart = np.geomspace(0.5, 0.01, 4), []
     for s in scales:
@@ -265,7 +265,7 @@ def test_the_distance_of_the_linear_model_falls_as_the_square_of_the_angles():
     ],
     ids=["pendulum", "no pendulum", "impacts", "sticking"],
 )
-def test_motions_of_both_equations_are_those_of_the_event_loop(x, y0, periods):
+def test_motions_of_both_models_equal_the_event_loop(x, y0, periods):
     felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
     for nonlinear, model in ((False, Piecewise()), (True, Nonlinear())):
         loop = EventDriven(x, nonlinear=nonlinear)
@@ -279,13 +279,13 @@ def test_motions_of_both_equations_are_those_of_the_event_loop(x, y0, periods):
         np.testing.assert_allclose(ys, known[:, felt], rtol=0, atol=2e-6 * x[0])
 
 
-def test_a_block_that_friction_holds_is_held():
+def test_a_tilted_block_that_friction_holds_has_the_status_held():
     found = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=Nonlinear())
     assert status_name(found.status) == "held"
     assert found.amplitude == pytest.approx(LEANING[1][0], rel=1e-12)
 
 
-def test_values_are_those_under_jit_and_derivatives_are_nan():
+def test_nonlinear_values_are_equal_under_jit_and_derivatives_are_nan():
     x = WITH[0].x
 
     def amplitude(nu):
@@ -298,7 +298,7 @@ def test_values_are_those_under_jit_and_derivatives_are_nan():
 
 
 @pytest.mark.parametrize("count", [0, 40])
-def test_states_over_time_are_those_of_integration(count):
+def test_nonlinear_states_over_time_equal_an_independent_integration(count):
     p, y0 = parameters(STICKING), np.array([0.02, 0.1, 0.0, -0.1])
     times = (count + np.array([0.3, 0.31, 1.0, 1.7, 4.25])) * 2.0 * np.pi / STICKING[6]
     ours = simulate(p, y0, times, model=Nonlinear())
@@ -310,7 +310,7 @@ def test_states_over_time_are_those_of_integration(count):
     assert np.all(np.isnan(slope))
 
 
-def test_a_trajectory_ends_where_the_block_overturns():
+def test_a_trajectory_is_nan_after_overturning():
     found = simulate(parameters(OVERTURNING), np.zeros(4), np.linspace(0.0, 60.0, 13), model=Nonlinear())
     assert status_name(found.status) == "overturned"
     finite = np.isfinite(found.ys).all(axis=1)
@@ -318,7 +318,7 @@ def test_a_trajectory_ends_where_the_block_overturns():
     assert not finite[-1]
 
 
-def test_too_few_events_have_a_status():
+def test_too_few_events_have_the_status_event_bound():
     p = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.5)
     model = Nonlinear(max_events=1)
     assert status_name(steady_state(p, model=model).status) == "event_bound"

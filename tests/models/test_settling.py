@@ -44,14 +44,14 @@ A, B, C = (jnp.full(4, v) for v in (0.1, 0.2, 0.3))
         ([period(A, size=0.0), period(A, size=0.0)], "rest", 1),
     ],
 )
-def test_a_motion_that_ends_has_a_status(periods, name, own):
+def test_a_settled_motion_has_its_status_and_period(periods, name, own):
     settled = after(*periods).settled()
     assert status_name(settled.status) == name
     assert int(settled.periods) == own
     assert int(settled.elapsed) == len(periods)
 
 
-def test_sizes_are_those_of_the_motion_s_own_periods_and_peaks_those_of_all():
+def test_settled_sizes_cover_the_last_periods_and_peaks_all_periods():
     record = after(period(B, size=0.4), period(A, size=0.2), period(C, size=0.1), period(A, size=0.3))
     settled = record.settled()
     assert float(settled.settled_tilt) == pytest.approx(0.3)
@@ -61,7 +61,7 @@ def test_sizes_are_those_of_the_motion_s_own_periods_and_peaks_those_of_all():
     assert np.isinf(lost.tilt)
 
 
-def test_more_periods_than_are_remembered_are_no_repetition():
+def test_a_repetition_after_more_than_the_stored_periods_is_not_detected():
     states = [jnp.full(4, 0.01 * n) for n in range(LONGEST + 1)]
     assert int(after(*map(period, [*states[:LONGEST], states[0]])).repeats) == LONGEST
     assert int(after(*map(period, [*states, states[0]])).repeats) == 0
@@ -73,7 +73,7 @@ def test_a_bob_without_mass_is_left_out_of_the_scales_by_default():
     np.testing.assert_allclose(scale_of(without, bob=jnp.asarray(True)), [0.2, 0.3, 0.8, 1.2])
 
 
-def test_a_motion_is_followed_until_it_repeats_or_the_bound_is_reached():
+def test_a_motion_is_simulated_until_it_repeats_or_reaches_the_bound():
     def halved(y, _):
         return period(0.5 * y, size=jnp.max(jnp.abs(y)))
 

@@ -33,7 +33,7 @@ from tpd.theory.equations import smoothed_rates
 
 
 @pytest.mark.parametrize("case", MOVING[::2], ids=named)
-def test_default_settings_are_within_a_thousandth_of_the_exact_orbit(case):
+def test_the_default_smoothed_model_is_within_a_thousandth_of_the_linear_model(case):
     found, expected = smoothed(case.x, case.y0), exact(case.x, case.y0)
     assert found.status == "rocking"
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
@@ -61,7 +61,7 @@ WIDE, NARROW = 5.0, 0.5
 """Widths over the default's: `sharpness` of 1e-2 and 1e-3."""
 
 
-def test_the_gradient_is_that_of_differences_of_the_same_amplitude():
+def test_the_smoothed_gradient_equals_finite_differences():
     # Started from the settled state, so that a far step cannot end on another orbit. Steps of 1 % are far
     # above the integration tolerance (1e-12), and the extrapolation is of sixth order.
     x, answer = STRUCK[1], smoothed(STRUCK[1])
@@ -77,7 +77,7 @@ def off(found, expected):
 
 
 @pytest.mark.parametrize("x", STRUCK[::2], ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
-def test_impacts_are_near_the_exact_ones_in_amplitude_and_gradient(x):
+def test_smoothed_impacts_give_nearly_the_amplitude_of_the_linear_model(x):
     found, expected = smoothed(x), exact(x)
     assert found.status == expected.status == "rocking"
     assert bool(found.steady.symmetric) is bool(expected.steady.symmetric) is True
@@ -88,14 +88,14 @@ def test_impacts_are_near_the_exact_ones_in_amplitude_and_gradient(x):
 
 
 @pytest.mark.parametrize("x", STRUCK[::4], ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
-def test_the_error_of_impacts_falls_in_proportion_to_the_sharpness(x):
+def test_the_error_of_smoothed_impacts_is_proportional_to_their_width(x):
     wide, narrow, truth = smoothed(x, coarser=WIDE), smoothed(x, coarser=NARROW), exact(x)
     ratio = (wide.amplitude - truth.amplitude) / (narrow.amplitude - truth.amplitude)
     assert ratio == pytest.approx(WIDE / NARROW, rel=0.1)
     assert off(wide, truth) / off(narrow, truth) == pytest.approx(WIDE / NARROW, rel=0.1)
 
 
-def test_a_resting_block_is_at_rest_although_the_smoothed_one_hums():
+def test_a_resting_block_has_amplitude_zero_in_the_smoothed_model():
     for x in (STILL.x, (*STILL.x, 0.8)):
         answer = smoothed(x)
         assert answer.status == exact(x).status == "rest"
@@ -104,12 +104,12 @@ def test_a_resting_block_is_at_rest_although_the_smoothed_one_hums():
         assert answer.swing == pytest.approx(exact(x).swing, rel=1e-2)
 
 
-def test_an_overturning_has_a_status_and_no_gradient():
+def test_an_overturned_block_has_no_gradient():
     assert_overturned(smoothed(OVERTURNING))
     assert_overturned(smoothed((0.25, 0.1, 0.2, 0.1, 0.0, 1.6, 2.67, 0.8)))
 
 
-def test_widths_follow_the_orbit_that_is_expected():
+def test_smoothing_widths_scale_with_the_expected_orbit():
     p, usual = parameters(WITH[0].x), Smoothed()
     found = Smoothed(sharpness=4.0 * usual.sharpness).widths(p)
     np.testing.assert_allclose(found, [4.0 * width for width in usual.widths(p)], rtol=1e-15)
@@ -121,7 +121,7 @@ def test_widths_follow_the_orbit_that_is_expected():
     assert rocking_scale(without) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
-def test_with_parametric_terms_and_housner_s_impacts_the_smoothed_orbit_is_that_of_the_event_loop():
+def test_the_smoothed_parametric_orbit_agrees_with_the_event_loop():
     x = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
     p = as_arrays(Parameters(**dict(zip(NAMES, x, strict=False)), e=None))
     s = jax.jit(lambda p: steady_state(p, model=Smoothed(terms=Terms.parametric)))(p)
@@ -138,7 +138,7 @@ def test_with_parametric_terms_and_housner_s_impacts_the_smoothed_orbit_is_that_
     assert abs(exact((*x, e)).amplitude / amplitude - 1.0) > 1e-3
 
 
-def test_the_smoothed_nonlinear_orbit_and_its_gradient_are_those_of_true_signs():
+def test_the_smoothed_nonlinear_orbit_agrees_with_unsmoothed_friction():
     model = Smoothed(terms=Terms.nonlinear)
 
     @jax.jit
@@ -160,7 +160,7 @@ def test_the_smoothed_nonlinear_orbit_and_its_gradient_are_those_of_true_signs()
             assert float(slopes[i]) == pytest.approx(differences(known, x, i, share=0.02), rel=5e-3, abs=1e-4)
 
 
-def test_a_period_that_begins_late_is_the_first_one():
+def test_a_late_period_equals_the_first_one():
     x = STICKING[:7]
     y0, period = np.asarray(exact(x).steady.state), 2.0 * np.pi / x[6]
     solve = jax.jit(lambda times: simulate(parameters(x), y0, times, model=Smoothed(rtol=1e-9)).ys)
@@ -173,7 +173,7 @@ def test_a_period_that_begins_late_is_the_first_one():
 # Where impacts all but stop
 
 
-def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled():
+def test_a_smoothed_motion_that_almost_sticks_is_not_called_settled():
     x = (0.2, 0.1, 0.4, 0.2, 0.0, 0.25, 4.0, 0.5)
     answer = smoothed(x)
     assert exact(x).status == "sticking"
@@ -181,7 +181,7 @@ def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled()
     assert np.all(np.isnan(answer.slopes))
 
 
-def test_smoothed_impacts_too_sharp_for_every_step_are_right_or_have_a_status():
+def test_impacts_sharper_than_a_step_are_accurate_or_have_a_status():
     # Steps that pass over an impact's layer lose no energy there.
     x = (*WITH[0].x, 0.5)
     answer = smoothed(x, coarser=0.005)
@@ -192,7 +192,7 @@ def test_smoothed_impacts_too_sharp_for_every_step_are_right_or_have_a_status():
         assert np.all(np.isnan(answer.slopes))
 
 
-def test_a_solver_that_cannot_keep_up_has_a_status_and_no_nan():
+def test_too_many_solver_steps_have_the_status_event_bound():
     # The resting block hums in a layer a two thousandth of the default's: 4096 steps see no period through.
     model = Smoothed(sharpness=1e-6)
     settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(STILL.x))
@@ -205,13 +205,13 @@ def test_a_solver_that_cannot_keep_up_has_a_status_and_no_nan():
 
 
 @pytest.mark.parametrize("e", [0.0, -0.1])
-def test_a_traced_ratio_without_a_smoothed_impact_has_a_status(e):
+def test_a_traced_restitution_that_cannot_be_smoothed_has_a_status(e):
     answer = smoothed(moved(STRUCK[1], E, e))
     assert answer.status == "event_bound"
     assert np.all(np.isnan(answer.slopes))
 
 
-def test_the_smoothed_equations_4_have_no_number_with_impacts():
+def test_smoothed_nonlinear_equations_with_impact_loss_are_nan():
     y = jnp.array([1e-3, 0.1, 0.2, 0.0])
 
     @jax.jit
@@ -234,7 +234,7 @@ def test_the_smoothed_equations_4_have_no_number_with_impacts():
 @pytest.mark.parametrize(
     "call", [steady_state, lambda p, **o: simulate(p, np.array(REST), np.array([0.0, 1.0]), **o)]
 )
-def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, message):
+def test_impacts_that_cannot_be_smoothed_are_rejected(call, terms, e, message):
     with pytest.raises(ValueError, match=message):
         call(parameters((*WITH[0].x, e)), model=Smoothed(terms=terms))
 
@@ -248,12 +248,12 @@ def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, mess
         ({"max_periods": 0}, "`max_periods` must be a whole number, 1 or more, but is 0"),
     ],
 )
-def test_settings_out_of_range_are_refused(options, message):
+def test_settings_out_of_range_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         Smoothed(**options)
 
 
-def test_a_smoothed_motion_that_is_another_one_is_inexact():
+def test_a_smoothed_motion_on_another_attractor_is_inexact():
     found, expected = smoothed(WRONG_BASIN), exact(WRONG_BASIN)
     assert (found.status, expected.status) == ("inexact", "sticking")
     apart = found.amplitude / expected.amplitude - 1.0
@@ -267,7 +267,7 @@ def test_a_smoothed_motion_that_is_another_one_is_inexact():
     assert "Change the model" in text
 
 
-def test_the_comparison_works_in_batches():
+def test_the_error_estimate_is_equal_in_batches():
     xs = jnp.array([WRONG_BASIN, STRUCK[3], STRUCK[4]])
     found = jax.jit(jax.vmap(lambda x: steady_state(parameters(x), model=Smoothed())))(xs)
     assert names_of(found.status).tolist() == ["inexact", "rocking", "rocking"]
@@ -276,7 +276,7 @@ def test_the_comparison_works_in_batches():
         assert error == pytest.approx(abs(smoothed(np.asarray(x)).amplitude / known - 1.0), abs=2e-6)
 
 
-def test_a_trajectory_that_overturns_long_before_its_end_comes_to_an_end():
+def test_an_early_overturning_ends_a_long_trajectory():
     p = Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.5, xi=2.5)
     motion = simulate(p, np.zeros(4), [0.0, 0.5, 500.0], model=Smoothed())
     assert status_name(motion.status) == "overturned"
