@@ -148,7 +148,7 @@ def bob_alone(p, psi, rate, periods, nonlinear):
         (Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.005, k=0.0, f=0.02, xi=1.6, rho=0.7), REST, 400),
     ],
 )
-def test_the_swing_above_a_resting_or_held_block_is_that_of_a_free_pendulum(equations, p, y0, periods):
+def test_the_swing_above_a_resting_or_held_block_equals_a_bob_alone(equations, p, y0, periods):
     found = settled(equations, p, np.array([y0]), periods=periods)
     peak, last = bob_alone(p, y0[1], y0[3], periods, equations is Terms.nonlinear)
     assert names_of(found.status)[0] == ("held" if y0[0] else "rest")

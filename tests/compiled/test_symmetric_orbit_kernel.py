@@ -83,7 +83,7 @@ def test_the_swing_of_a_fast_bob_is_its_largest_angle():
         assert bob.max() * (1.0 - 1e-6) <= o.swing[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
 
 
-def test_an_orbit_with_too_many_peaks_has_the_status_overflow():
+def test_an_orbit_with_too_many_peaks_is_marked_as_overflow():
     without = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
     o = solve([without, (*without[:2], 3e-7, *without[3:])])
     assert o.exists[:, 0].tolist() == [True, False]
