@@ -25,7 +25,7 @@ from tpd.formats.channel import FACTORS, Channel, of_file, orientation, unit_spe
 from tpd.formats.text import Decimal, UnreadableRecord
 
 
-def test_units():
+def test_units_of_acceleration_have_their_factors():
     units = ["m/s2", "M/S^2", "m/s²", "m s-2", "cm/sec/sec", "Gal", "mm/s2", "g", "%g", "milli-g", "inch/s/s"]
     factors = [1.0] * 4 + [0.01] * 2 + [0.001, G, 0.01 * G, 0.001 * G, 0.0254]
     for unit, factor in zip(units, factors, strict=True):
@@ -38,7 +38,7 @@ def test_units():
         )
 
 
-def test_a_unit_is_known_and_none_overrules_another():
+def test_an_unknown_missing_or_contradictory_unit_is_rejected():
     for ask, said in (
         (lambda: channel.unit_of("furlong", 7), "line 7 must state a unit of acceleration"),
         (lambda: channel.check_unit("furlong"), "`unit` must be one of g, .* but is 'furlong'"),
@@ -49,7 +49,7 @@ def test_a_unit_is_known_and_none_overrules_another():
             ask()
 
 
-def test_directions_by_words_and_by_names_of_files():
+def test_directions_are_recognised_by_words_and_file_names():
     up = "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"
     for vertical, words, names in (
         (True, up, "RSN1_AA-UP.AT2|XXX.UD2|STATION.HNZ.csv|MYG004UD.AT2|a.ud.gz"),
@@ -60,7 +60,7 @@ def test_directions_by_words_and_by_names_of_files():
         assert [name for name in names.split("|") if of_file(name) is not vertical] == []
 
 
-def test_a_word_in_a_name_decides_only_where_components_stand():
+def test_a_file_name_states_a_direction_only_at_the_place_of_a_component():
     ordinary = "scaled_up.csv|made-up.txt|start up.csv|a_ver2.csv|cut_down.csv|GROUP.AT2|RIVER.AT2|CLOUD.AT2"
     upward = "up.csv|STN.UP.csv|X01_up.csv|x.UP|RSN1_HECVER.AT2|TCU045-V.AT2|a_vertical.csv|A_UD.csv|b_z.txt"
     assert [name for name in ordinary.split("|") if of_file(name) is not None] == []
@@ -78,7 +78,7 @@ def test_baselines_are_removed_on_request():
     assert any(note.startswith("baseline") for note in mean.notes)
 
 
-def test_implausible_motions_are_refused_and_a_drift_is_noted():
+def test_an_implausible_record_is_rejected_and_a_drift_is_noted():
     wave = np.sin(np.arange(100.0))
     for wrong, said in (
         (Channel(np.zeros(1), 0.01), "at least 2 samples, but has 1"),
@@ -140,7 +140,7 @@ def test_the_mean_of_an_uncorrected_record_is_removed(tmp_path, name, text):
         assert any(note.startswith("offset") for note in kept.notes)
 
 
-def test_a_corrected_record_and_a_table_are_read_as_they_are(tmp_path):
+def test_a_corrected_record_and_a_table_are_read_unchanged(tmp_path):
     wave = shaking(100) + 0.1
     path = tmp_path / "record.txt"
     for write in (peer, csmip_v2, cosmos, smc, esm, geonet, table):

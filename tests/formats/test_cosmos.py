@@ -11,11 +11,11 @@ from tpd.formats.cosmos import is_cosmos
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "cosmos", "anchorage_2018_cut.V2c")
 
 
-def test_a_real_file_has_the_peak_of_its_header():
+def test_the_peak_of_a_real_cosmos_file_equals_its_header():
     (record,) = Record.read_all(DATA / "anchorage_2018_cut.V2c")
     assert record.dt == pytest.approx(0.005, rel=1e-15)
     assert record.acceleration.shape == (600,)
@@ -49,7 +49,7 @@ def test_every_unit_of_acceleration_has_its_code(tmp_path, unit, code, factor):
     assert Record.read_all(path)[0].pga == pytest.approx(5.0 * factor, rel=1e-5)
 
 
-def test_header_and_text_must_state_the_same_peak_and_time(tmp_path):
+def test_header_and_text_must_state_equal_peak_and_time(tmp_path):
     text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
     peak, time = re.search(r"Max = +(\S+) cm/sec2 at +(\S+) sec", text).groups()
     for stated, last, message in ((peak, 1e-5, "the peak"), (time, 1e-3, "the time of the peak")):
@@ -60,7 +60,7 @@ def test_header_and_text_must_state_the_same_peak_and_time(tmp_path):
             Record.read_all(path)
 
 
-def test_the_peak_of_the_samples_must_be_that_of_the_text(tmp_path):
+def test_the_peak_of_the_samples_must_equal_the_stated_peak(tmp_path):
     text = FORM["cosmos"].write(400.0 * shaking(100), 0.01)
     path, peak = tmp_path / "a.V2c", re.search(r"Max = +(\S+)", text)[1]
     path.write_text(text.replace(f"{peak} cm/sec2", f"{float(peak) + 1.0:.5f} cm/sec2"))
@@ -68,7 +68,7 @@ def test_the_peak_of_the_samples_must_be_that_of_the_text(tmp_path):
         Record.read_all(path)
 
 
-def test_the_whole_line_of_the_unit_counts(tmp_path):
+def test_an_unknown_word_in_the_line_of_the_unit_is_rejected(tmp_path):
     text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
     for old, new in (
         ("cm/sec2(04)", "cm/sec2(02)"),
@@ -82,7 +82,7 @@ def test_the_whole_line_of_the_unit_counts(tmp_path):
             Record.read_all(path)
 
 
-def test_a_damaged_file_is_recognised_and_a_table_is_not():
+def test_a_damaged_file_is_recognised_as_cosmos_and_a_table_is_not():
     lines = FORM["cosmos"].write(400.0 * shaking(100), 0.01).splitlines()
     damaged = ["", *lines[1:]]
     for other in (lines, damaged, [line.replace("Integer", "") for line in damaged]):

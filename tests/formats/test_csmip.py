@@ -9,7 +9,7 @@ from tpd.formats.csmip import is_csmip
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "csmip_v1", "csmip_v2", "coalinga_1983_cut.V2", "ridgecrest_2019_cut.RAW")
 
 
@@ -21,7 +21,7 @@ REAL = {
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_a_real_file_has_the_peaks_of_its_header(name):
+def test_the_peaks_of_real_csmip_files_equal_their_headers(name):
     dt, peaks = REAL[name]
     records = Record.read_all(DATA / name, baseline="none")
     assert len(records) == len(peaks)
@@ -31,7 +31,7 @@ def test_a_real_file_has_the_peaks_of_its_header(name):
         assert record.pga == pytest.approx(peak, abs=margin)
 
 
-def test_words_of_a_real_file():
+def test_name_event_and_notes_of_a_real_file_are_read():
     north = Record.read(DATA / "coalinga_1983_cut.V2", channel=2)
     assert north.name == "PARKFIELD FAULT ZONE 14/0 DEG"
     assert north.event == "COALINGA EARTHQUAKE MAY 2, 1983 16:42 PDT"
@@ -59,7 +59,7 @@ def test_length_and_unit_of_the_second_channel_must_agree_with_its_samples(tmp_p
             Record.read_all(path)
 
 
-def test_the_whole_line_of_the_unit_counts(tmp_path):
+def test_an_unknown_word_in_the_line_of_the_unit_is_rejected(tmp_path):
     path = tmp_path / "a.V2"
     for text, old, new in (
         (csmip_v2(300.0 * shaking(100), 0.01), "(UNITS: CM/SEC/SEC)", "(UNITS: CM/SEC/SEC) X 10"),

@@ -7,11 +7,11 @@ from tests.formats.synthetic import esm, shaking
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "esm")
 
 
-def test_a_key_with_a_factor_is_not_understood(tmp_path):
+def test_a_scale_factor_in_an_esm_header_is_rejected(tmp_path):
     text = esm(400.0 * shaking(100), 0.01)
     assert read(tmp_path, text.replace("USER5: ", "FULL_SCALE_G: 2.0\nSCALE_FACTOR: ")).dt == 0.01
     with pytest.raises(UnreadableRecord, match=r"has 'SCALE_FACTOR: 10', which is not understood"):

@@ -7,11 +7,11 @@ from tests.formats.synthetic import geonet, shaking
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "geonet", "geonet_raw")
 
 
-def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
+def test_a_geonet_file_must_state_the_peak_of_an_acceleration(tmp_path):
     text = geonet(3000.0 * shaking(100), 0.01)
     with pytest.raises(UnreadableRecord, match="line 14 must state the peak and its time"):
         read(tmp_path, text.replace("Acceleration:  peak", "Velocity:  peak"), channel=0)
@@ -24,7 +24,7 @@ def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
     assert (record.dt, record.name) == (0.01, "MADE/N10E")
 
 
-def test_an_uncorrected_file_states_the_unit_of_its_samples(tmp_path):
+def test_an_uncorrected_geonet_file_must_state_its_unit(tmp_path):
     text = geonet(3000.0 * shaking(100), 0.01, corrected=False)
     before, _, after = text.rpartition("1.00 mm/s/s")
     line = before.count("\n") + 1

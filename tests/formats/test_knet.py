@@ -10,11 +10,11 @@ from tpd.formats import channel
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "knet")
 
 
-def test_csv(tmp_path):
+def test_a_knet_csv_file_is_read(tmp_path):
     head = (
         "#K-NET CSV\n#OriginTime,Latitude,Longitude,Depth(km),Magnitude\n#2000/01/01 00:00:00,0,0,10,6.0\n"
         "#Code,Latitude\n#XXX001,0\n#SamplingFrequency(Hz)\n#100\n#DurationTime(s)\n#1\n"
@@ -46,7 +46,7 @@ def test_csv(tmp_path):
             read(tmp_path, wrong)
 
 
-def test_spellings_of_the_manual(tmp_path):
+def test_header_spellings_of_the_knet_manual_are_read(tmp_path):
     text = written(FORM["knet"]).text
     other = text.replace("Long. ", "Lon.  ").replace("Max. Acc.", "Max Acc.")
     assert read(tmp_path, other, "a.NS") == read(tmp_path, text, "a.NS")
@@ -56,7 +56,7 @@ def test_spellings_of_the_manual(tmp_path):
     ("old", "new"),
     [("100Hz", "0Hz"), ("(gal)/6182761", "(gal)/0"), ("Duration Time(s)  1", "Duration Time(s)  1e7")],
 )
-def test_a_header_that_cannot_be_that_of_a_record_is_refused(tmp_path, old, new):
+def test_an_implausible_knet_header_is_rejected(tmp_path, old, new):
     text = written(FORM["knet"]).text
     assert old in text
     with pytest.raises(UnreadableRecord, match="sampling frequency, duration and scale factor must be those"):

@@ -10,7 +10,7 @@ from tests.formats.synthetic import G
 from tpd.formats.text import UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "peer")
 
 
@@ -21,7 +21,7 @@ HEADERS = (
 )
 
 
-def test_headers(tmp_path):
+def test_every_known_peer_header_is_read(tmp_path):
     for head in HEADERS:
         text = "\n".join(["PEER", *head, "  .1000000E+00 -.2000000E-01", "  .0000000E+00", ""])
         record = read(tmp_path, text)
@@ -35,7 +35,7 @@ AT2 = "PEER NGA\nQuake, 1/1/2000, PLACE, 090\n{} TIME SERIES IN UNITS OF G\nNPTS
 SAMPLES = " .1000000E+00 -.2000000E-01\n .3000000E-01"
 
 
-def test_files_that_people_have(tmp_path):
+def test_common_variants_of_peer_files_are_read(tmp_path):
     for words, end in (("", ""), (",", ""), (", DURATION= .02 SEC", ""), ("  (filtered)", "\n")):
         text = AT2.format("ACCELERATION", words) + SAMPLES
         assert read(tmp_path, text + end).acceleration.shape == (3,)
@@ -43,12 +43,12 @@ def test_files_that_people_have(tmp_path):
             read(tmp_path, text[:-2])
 
 
-def test_velocities_are_refused(tmp_path):
+def test_a_peer_file_of_velocities_is_rejected(tmp_path):
     with pytest.raises(UnreadableRecord, match="line 3 must state an ACCELERATION"):
         read(tmp_path, AT2.format("VELOCITY", "") + SAMPLES + "\n")
 
 
-def test_directions(tmp_path):
+def test_vertical_peer_components_are_recognised(tmp_path):
     upward = [(word, "a.AT2") for word in ("UP", "DWN", "V", "UD", "VERT")]
     upward += [("", "R_X-UP.AT2"), ("", "M04UD.AT2")]
     for direction, name in (*upward, *((word, "a.AT2") for word in ("090", "360", "N-S", "S16E", "EW"))):
@@ -57,7 +57,7 @@ def test_directions(tmp_path):
         assert notes == ["vertical component"] * ((direction, name) in upward)
 
 
-def test_negative_numbers_may_touch_the_one_before(tmp_path):
+def test_negative_numbers_need_no_space_before_them(tmp_path):
     values = [0.1, -0.2, 0.3, -0.4, -0.25, 0.15]
     for form in ("{: .7E}", "{: .6f}", "{: .5f}"):
         digits = "".join(form.format(x) for x in values)
@@ -66,7 +66,7 @@ def test_negative_numbers_may_touch_the_one_before(tmp_path):
         np.testing.assert_allclose(read(tmp_path, text).acceleration, G * np.array(values), rtol=1e-4)
 
 
-def test_a_unit_behind_the_step_counts(tmp_path):
+def test_the_unit_of_the_time_step_is_read(tmp_path):
     text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
     for step, dt in (("0.5 MSEC", 5e-4), ("10ms", 0.01), ("10 milliseconds,", 0.01), ("1D-2 S", 0.01)):
         assert read(tmp_path, text.replace(".01 SEC", step)).dt == pytest.approx(dt, rel=1e-12)
@@ -88,7 +88,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize("place", WORDS)
-def test_a_word_in_the_header_that_is_not_understood_refuses_the_file(tmp_path, place):
+def test_an_unknown_word_in_a_peer_header_is_rejected(tmp_path, place):
     text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
     for words in WORDS[place]:
         with pytest.raises(UnreadableRecord, match=r"not understood|must state") as caught:
@@ -100,7 +100,7 @@ def test_a_word_in_the_header_that_is_not_understood_refuses_the_file(tmp_path, 
     assert read(tmp_path, text.replace("UNITS OF G", sound).replace("PLACE", "Millikan Library")).dt == 0.01
 
 
-def test_a_step_and_a_count_without_a_title_are_those_of_a_table(tmp_path):
+def test_a_file_with_npts_and_dt_but_no_title_is_a_table(tmp_path):
     count = "NPTS= 4, DT= .01 SEC\n .1 -.2 .3 .4\n"
     assert read(tmp_path, count, unit="g").dt == 0.01
     assert read(tmp_path, f"Nowhere quake\n{count}", unit="g", skip=1).acceleration.shape == (4,)
@@ -111,7 +111,7 @@ def test_a_step_and_a_count_without_a_title_are_those_of_a_table(tmp_path):
     assert read(tmp_path, table, skip=1).dt == 0.01
 
 
-def test_an_exponent_of_three_digits_has_no_letter(tmp_path):
+def test_fortran_exponents_of_three_digits_are_read(tmp_path):
     text = AT2.format("ACCELERATION", "")
     assert read(tmp_path, text + " .1234500-100-.2000000E-01\n .3000000E-01\n").acceleration[0] < 1e-90
     with pytest.raises(UnreadableRecord, match=r"line 5 has '.1234500-10', which may be one number without"):

@@ -21,7 +21,7 @@ from tpd.formats.read import read_waveforms
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
 
-def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
+def test_a_gzip_file_is_read_like_its_content(tmp_path):
     path = tmp_path / "coalinga"
     path.write_bytes(gzip.compress((DATA / "coalinga_1983_cut.V2").read_bytes()))
     assert Record.read_all(path) == Record.read_all(DATA / "coalinga_1983_cut.V2")
@@ -30,7 +30,7 @@ def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
         Record.read(path)
 
 
-def test_several_channels_are_listed_and_the_header_is_not_overruled():
+def test_a_file_of_several_channels_needs_the_argument_channel():
     path = DATA / "coalinga_1983_cut.V2"
     assert Record.read(path, channel=0, unit="gal", dt=0.02) == Record.read(path, channel=0)
     for how, said in (
@@ -46,7 +46,7 @@ def test_several_channels_are_listed_and_the_header_is_not_overruled():
             Record.read(path, **how)
 
 
-def test_no_file_a_directory_and_a_file_without_content(tmp_path):
+def test_missing_and_empty_files_and_directories_are_rejected(tmp_path):
     with pytest.raises(FileNotFoundError, match="the file does not exist"):
         Record.read(tmp_path / "none.AT2")
     with pytest.raises(UnreadableRecord, match="the path is a directory"):
@@ -56,7 +56,7 @@ def test_no_file_a_directory_and_a_file_without_content(tmp_path):
             read(tmp_path, text)
 
 
-def test_utf_16(tmp_path):
+def test_a_file_in_utf_16_is_read(tmp_path):
     text = "time (s),acc (g)\n0.00,0.1\n0.01,0.2\n0.02,0.3\n"
     little, big = text.encode("utf-16-le"), text.encode("utf-16-be")
     for sound in (text.encode("utf-16"), b"\xff\xfe" + little, b"\xfe\xff" + big):
@@ -66,7 +66,7 @@ def test_utf_16(tmp_path):
             read(tmp_path, wrong)
 
 
-def test_archives_are_refused_by_name(tmp_path):
+def test_archives_are_rejected_with_their_kind(tmp_path):
     for start, kind in ((b"PK\x03\x04", "zip"), (b"7z\xbc\xaf\x27\x1c", "7z"), (b"BZh9", "bzip2")):
         with pytest.raises(UnreadableRecord, match=rf"archive or compressed \({kind}\): unpack it"):
             read(tmp_path, start + b"\x00 rest", "a.dat")
@@ -94,7 +94,7 @@ def read_as(monkeypatch, *traces: Trace, unit: str | None = "m/s2"):
     return read_waveforms(b"\x00", unit)
 
 
-def test_a_waveform_in_a_unit(monkeypatch):
+def test_a_waveform_is_read_in_the_stated_unit(monkeypatch):
     channel = read_as(monkeypatch, Trace(np.array([0.0, 50.0])), unit="gal")[0]
     np.testing.assert_allclose(channel.acceleration, [0.0, 0.5])
     assert (channel.dt, channel.component, channel.name) == (0.01, "HNE", "XX.MADE..HNE")
@@ -103,7 +103,7 @@ def test_a_waveform_in_a_unit(monkeypatch):
     assert check_channel(channel, "none").acceleration.tolist() == [0.0, 0.5]
 
 
-def test_waveforms_that_are_refused(monkeypatch):
+def test_waveforms_in_counts_or_with_gaps_are_rejected(monkeypatch):
     sound = Trace(np.array([0.0, 0.5]))
     for traces, said in (
         ([Trace(np.array([0, 5]))], "counts of the instrument"),
@@ -118,7 +118,7 @@ def test_waveforms_that_are_refused(monkeypatch):
         read_as(monkeypatch, sound, unit=None)
 
 
-def test_without_obspy_one_sentence_names_the_extra_and_rubbish_is_refused(monkeypatch, tmp_path):
+def test_a_missing_obspy_is_reported_with_its_extra(monkeypatch, tmp_path):
     def unknown(stream: object) -> None:
         raise TypeError("Unknown format")
 
@@ -186,7 +186,7 @@ NO_TEXT = {
 
 
 @pytest.mark.parametrize("name", NO_TEXT)
-def test_a_file_that_is_no_text_is_named_with_the_remedy(tmp_path, name):
+def test_a_binary_file_is_rejected_with_its_kind_and_a_remedy(tmp_path, name):
     data, kind, remedy = NO_TEXT[name]
     with pytest.raises(
         NoAcceleration, match=rf"^{name}: the file is {re.escape(kind)}.*: {remedy}"
@@ -197,7 +197,7 @@ def test_a_file_that_is_no_text_is_named_with_the_remedy(tmp_path, name):
     assert len(str(raised.value)) < 150
 
 
-def test_a_text_that_begins_like_another_file_is_read(tmp_path):
+def test_a_text_that_begins_like_a_binary_format_is_read(tmp_path):
     rows = "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
     for first in ("PAR1 station", "MATLAB 5.0 export", "par1", "FEA1 model"):
         for mark in ("# ", ""):
@@ -205,14 +205,14 @@ def test_a_text_that_begins_like_another_file_is_read(tmp_path):
             assert read(tmp_path, f"{mark}{first}\n{rows}", **how).acceleration.shape == (20,)
 
 
-def test_a_record_names_its_file_and_channel():
+def test_the_source_of_a_record_is_its_file_and_channel():
     path = DATA / "coalinga_1983_cut.V2"
     named = [f"{path.name}, channel {i} ({name})" for i, name in enumerate(("90 DEG", "UP", "0 DEG"))]
     assert [r.source for r in Record.read_all(path)] == named
     assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"
 
 
-def test_a_message_names_the_channel_that_it_is_about(tmp_path):
+def test_an_error_message_states_file_and_channel(tmp_path):
     file = tmp_path / "quake.csv"
     file.write_text("time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50)))
     for reads, said in (
@@ -235,7 +235,7 @@ def test_a_message_names_the_channel_that_it_is_about(tmp_path):
         ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
     ],
 )
-def test_the_header_of_a_waveform_decides(monkeypatch, header, message):
+def test_a_waveform_header_without_acceleration_is_rejected(monkeypatch, header, message):
     trace = Trace(np.array([0.0, 0.5]))
     vars(trace.stats).update(header)
     with pytest.raises(UnreadableRecord, match=message):
@@ -247,14 +247,14 @@ def test_the_header_of_a_waveform_decides(monkeypatch, header, message):
         assert read_as(monkeypatch, trace)[0].peak == 0.5
 
 
-def test_a_message_on_the_current_folder_names_it():
+def test_an_error_message_on_the_current_folder_states_its_path():
     with pytest.raises(UnreadableRecord, match=r"^\.: the path is a directory and not a file"):
         Record.read(".")
     with pytest.raises(ValueError, match=r"^`path` must name a file, but is ''$"):
         Record.read("")
 
 
-def test_the_angle_to_the_vertical_counts_if_the_name_of_a_component_does_not_show_it(monkeypatch):
+def test_a_vertical_angle_in_the_header_marks_a_vertical_component(monkeypatch):
     for name, component in (("HNE", "HNE"), ("ACC", "ACC up")):
         trace = Trace(np.array([0.0, 0.5]))
         vars(trace.stats).update({"channel": name, "sac": {"idep": 8, "cmpinc": 0.0}})

@@ -11,7 +11,7 @@ from tests.formats.synthetic import G, peer, shaking
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
 
-def test_written_samples_are_read_and_damaged_files_are_refused(tmp_path):
+def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "table", "column")
 
 
@@ -25,13 +25,13 @@ TABLES = {
 
 
 @pytest.mark.parametrize("text", TABLES.values(), ids=TABLES)
-def test_tables(text, tmp_path):
+def test_a_plain_table_is_read(text, tmp_path):
     record = read(tmp_path, text)
     assert record.dt == 0.02
     np.testing.assert_allclose(record.acceleration, [0.0, 0.5 * G, -0.1 * G], rtol=1e-15)
 
 
-def test_a_column_needs_its_step_and_its_unit(tmp_path):
+def test_a_single_column_needs_a_time_step_and_a_unit(tmp_path):
     text = "0\n0.5\n-0.1\n"
     with pytest.raises(ValueError, match="states no unit of acceleration: give `unit`"):
         read(tmp_path, text, dt=0.01)
@@ -63,7 +63,7 @@ no numbers | t,a (g)\nabc\n | no row of numbers
 
 
 @pytest.mark.parametrize("row", REFUSED.strip().splitlines())
-def test_refused(row, tmp_path):
+def test_a_damaged_table_is_rejected_in_one_sentence(row, tmp_path):
     _, text, message = row.split(" | ")
     with pytest.raises(UnreadableRecord, match=rf"^a.txt: .*({message})") as caught:
         read(tmp_path, text.replace("\\n", "\n").replace("\\t", "\t"))
@@ -109,7 +109,7 @@ READ = {
 
 
 @pytest.mark.parametrize("name", READ)
-def test_tables_that_people_have(name, tmp_path):
+def test_common_variants_of_tables_are_read(name, tmp_path):
     text, given_ = READ[name]
     record = read(tmp_path, text, **given_)
     assert record.dt == pytest.approx(0.01, rel=1e-12)
@@ -118,14 +118,14 @@ def test_tables_that_people_have(name, tmp_path):
 
 
 @pytest.mark.parametrize(("rate", "form"), [(128, "{:g}"), (300, "{:.5f}"), (300, "{:g}"), (75, "{:.3f}")])
-def test_times_of_few_digits(rate, form, tmp_path):
+def test_rounded_times_have_equal_steps(rate, form, tmp_path):
     lines = ["t,a (g)\n", *(f"{form.format(i / rate)},{i % 7}\n" for i in range(390))]
     assert read(tmp_path, "".join(lines)).dt == pytest.approx(1.0 / rate, rel=1e-12)
     with pytest.raises(UnreadableRecord, match="equal steps"):
         read(tmp_path, "".join(lines[:200] + lines[201:]))
 
 
-def test_numbers_of_samples_are_no_times(tmp_path):
+def test_a_column_of_sample_numbers_is_not_read_as_times(tmp_path):
     for head in ("no,acc (g)", "#,acc (g)", "i;a (g)", "Sample,a [g]", "nr a(g)"):
         text = table(head=head, row="{i},{a:.5f}")
         with pytest.raises(UnreadableRecord, match="states no times and no step: give `dt`"):
@@ -140,7 +140,7 @@ def in_a_column(*header: str) -> str:
 
 
 @pytest.mark.parametrize("head", ["time (s),acc ({})", "# units: {}\n# t a", "t [s] a [{}]"])
-def test_a_stated_unit_is_never_overruled(head, tmp_path):
+def test_an_option_cannot_contradict_the_unit_of_the_header(head, tmp_path):
     inches = ("in/s2", "in/sec^2", "inch/s/s", "IN/SEC/SEC")
     for unit in (*inches, "ft/s2", "furlong/s2", "yd/s/s", "counts"):
         text = table(head=head.format(unit))
@@ -155,12 +155,12 @@ STATED += "cm per second squared|(cm s⁻²)|(cm/(s*s))|km/h/s|(µg)|(0.001 g)|(
 
 
 @pytest.mark.parametrize("header", STATED.split("|"))
-def test_a_unit_in_whatever_words_is_not_overruled(tmp_path, header):
+def test_an_option_cannot_contradict_a_unit_in_other_words(tmp_path, header):
     with pytest.raises(UnreadableRecord, match=r"the header states the unit|which is not understood"):
         read(tmp_path, in_a_column(f"# {header}"), unit="g", dt=0.01)
 
 
-def test_a_line_that_is_not_understood_is_skipped_only_on_request(tmp_path):
+def test_an_unknown_header_line_is_skipped_only_on_request(tmp_path):
     for line in ("# 3 feet above the floor", "# recorded in Galway", "# test 4 mg"):
         text = in_a_column(line, "unit: gal")
         with pytest.raises(UnreadableRecord, match=r"line 1 has .* not understood; .*: skip=1"):
@@ -170,7 +170,7 @@ def test_a_line_that_is_not_understood_is_skipped_only_on_request(tmp_path):
         read(tmp_path, "A letter.\n" * 50)
 
 
-def test_a_stated_step_is_read_and_not_overruled(tmp_path):
+def test_an_option_cannot_contradict_the_time_step_of_the_header(tmp_path):
     for header in ("Sampling rate: 200 Hz", "fs = 200 Hz", "sampling interval 0.005 s", "dt 0.005"):
         text = in_a_column("# acc (g)", f"# {header}")
         assert read(tmp_path, text).dt == 0.005
@@ -178,26 +178,26 @@ def test_a_stated_step_is_read_and_not_overruled(tmp_path):
             read(tmp_path, text, dt=0.02)
 
 
-def test_times_of_single_precision_have_equal_steps(tmp_path):
+def test_times_in_single_precision_have_equal_steps(tmp_path):
     times = np.arange(4000, dtype=np.float32) * np.float32(0.01)
     rows = (f"{t:.9f} {x:.4f}\n" for t, x in zip(times, shaking(4000), strict=True))
     assert read(tmp_path, "time (s) acc (g)\n" + "".join(rows)).dt == 0.01
 
 
-def test_velocities_beside_accelerations_are_left_out(tmp_path):
+def test_a_column_of_velocities_is_left_out(tmp_path):
     rows = (f"{0.01 * i:.2f},{9.0 + x:.4f},{x:.4f}\n" for i, x in enumerate(shaking(100)))
     # One channel is left, so that none has to be chosen.
     assert read(tmp_path, "time (s),vel (m/s),acc (m/s2)\n" + "".join(rows)).pga < 5.0
 
 
-def test_a_number_of_samples_that_is_wrong_is_refused(tmp_path):
+def test_a_wrong_number_of_samples_is_rejected(tmp_path):
     for first in ("0.2524", "0"):
         text = "\n".join(["99", first, *(f"{x:.4f}" for x in shaking(99))]) + "\n"
         with pytest.raises(UnreadableRecord, match=r"line 1 has '99', .* \(100 samples in 100 rows\)"):
             read(tmp_path, text, unit="g")
 
 
-def test_numbers_of_columns_are_no_directions(tmp_path):
+def test_column_numbers_state_no_direction(tmp_path):
     text = "\n".join(f"{0.01 * i:.2f} {x:.4f} {x * x:.4f}" for i, x in enumerate(shaking(100))) + "\n"
     for i in range(2):
         columns = {"time": 1, "acc1": 2, "acc2": 3}
@@ -372,14 +372,14 @@ NOT_UNDERSTOOD = {
 }
 
 
-def test_a_damaged_motion_is_not_a_file_without_motion(tmp_path):
+def test_a_damaged_record_is_distinguished_from_a_file_without_acceleration(tmp_path):
     with pytest.raises(UnreadableRecord, match="line 3 must contain numbers") as caught:
         read(tmp_path, "t (s),a (g)\n0.00,0.1\n0.01,x\n0.02,0.2\n")
     assert not isinstance(caught.value, NoAcceleration)
 
 
 @pytest.mark.parametrize("name", NOT_UNDERSTOOD)
-def test_a_word_that_the_grammar_does_not_explain_is_quoted(name, tmp_path):
+def test_an_unknown_header_word_is_quoted_in_the_message(name, tmp_path):
     header, message = NOT_UNDERSTOOD[name]
     with pytest.raises(UnreadableRecord, match=message) as caught:
         found(tmp_path, in_table(*header.splitlines()))
@@ -418,14 +418,14 @@ CONTRADICTED = {
 
 
 @pytest.mark.parametrize("name", CONTRADICTED)
-def test_an_option_that_contradicts_the_file_is_refused(name, tmp_path):
+def test_an_option_that_contradicts_the_file_is_rejected(name, tmp_path):
     header, how, message = CONTRADICTED[name]
     times = "{:.2f}" if header.splitlines()[-1].startswith("t ") else ""
     with pytest.raises(UnreadableRecord, match=message):
         found(tmp_path, in_table(*header.splitlines(), times=times), **how)
 
 
-def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
+def test_options_can_describe_a_table_with_an_unknown_header(tmp_path):
     text = in_table("Aufzeichnung 7, Einheit siehe Anhang", "Uhr | A | B | C", columns=3)
     how = {"skip": 2, "columns": {"time": 1, "N (gal)": 2, "Z": 4}, "unit": "gal", "factor": 100.0}
     (north, up) = found(tmp_path, text, **how)
@@ -447,7 +447,7 @@ def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
         read(tmp_path, peer(shaking(100), 0.01), skip=1)
 
 
-def test_times_of_day_are_named(tmp_path):
+def test_a_time_of_day_is_rejected_by_name(tmp_path):
     text = (
         "\n".join(["UTC,a (g)", *(f"12:00:{0.01 * i:05.2f},{x:.4f}" for i, x in enumerate(shaking(100)))])
         + "\n"
@@ -470,7 +470,7 @@ COLUMNS_THAT_ARE_LEFT_OUT = {
 
 
 @pytest.mark.parametrize("name", COLUMNS_THAT_ARE_LEFT_OUT)
-def test_columns_that_are_not_understood_are_left_out_of_the_options(name, tmp_path):
+def test_the_suggested_options_leave_out_unknown_columns(name, tmp_path):
     header, columns = COLUMNS_THAT_ARE_LEFT_OUT[name]
     n = header.splitlines()[0].count(",")
     text = in_table(*header.splitlines(), columns=n)
@@ -495,20 +495,20 @@ def test_columns_that_are_not_understood_are_left_out_of_the_options(name, tmp_p
         't (s),a (mg)\n0.00,12\n0.01,"1,219"\n0.02,-345\n',
     ],
 )
-def test_separators_of_thousands_are_refused(text, tmp_path):
+def test_separators_of_thousands_are_rejected(text, tmp_path):
     with pytest.raises(UnreadableRecord, match=r"1[.,]219.* may have a separator of thousands"):
         read(tmp_path, text)
     # Three decimals that no separator of thousands can have are decimals.
     assert read(tmp_path, "t (s);a (mg)\n0,000;12\n0,005;1,219\n0,010;-345\n").dt == 0.005
 
 
-def test_times_have_their_place(tmp_path):
+def test_the_first_column_of_the_option_must_be_time(tmp_path):
     text = in_table(columns=1)
     with pytest.raises(ValueError, match="`columns` must contain names of times"):
         found(tmp_path, text, columns={"a (g)": 1, "T (s)": 2})
 
 
-def test_a_lone_letter_beside_an_acceleration_is_refused(tmp_path):
+def test_a_column_of_one_unknown_letter_is_rejected(tmp_path):
     for header in ("t,a,v,d", "t (s),a (g),x", "Time,Acc,V"):
         text = in_table(header, columns=header.count(","))
         with pytest.raises(UnreadableRecord, match="next to an acceleration may be a velocity"):
@@ -517,7 +517,7 @@ def test_a_lone_letter_beside_an_acceleration_is_refused(tmp_path):
         assert len(found(tmp_path, text, unit="g", columns=columns)) == 1
 
 
-def test_lines_and_columns_that_are_not_there_are_named(tmp_path):
+def test_missing_lines_and_columns_are_reported(tmp_path):
     text = in_table("t (s),a (g)")
     with pytest.raises(UnreadableRecord, match="must separate numbers after line 500"):
         found(tmp_path, text, skip=500)
@@ -525,13 +525,13 @@ def test_lines_and_columns_that_are_not_there_are_named(tmp_path):
         found(tmp_path, text, columns={"t": 1, "a": 7})
 
 
-def test_a_title_of_a_filter_or_of_matching_is_no_spectrum(tmp_path):
+def test_a_title_about_a_spectrum_does_not_make_a_table_a_spectrum(tmp_path):
     for title in ("Corner frequency", "Spectrum compatible", "Response spectrum compatible motion"):
         with pytest.raises(UnreadableRecord, match=r"line 1 has .*: skip=1$"):
             found(tmp_path, in_table(title, "t (s),a (g)"))
 
 
-def test_equal_times_are_named_as_equal_times(tmp_path):
+def test_equal_times_are_reported_as_equal(tmp_path):
     rows = [f"{0.01 * i:.2f},{x:.5f}\n" for i, x in enumerate(0.1 * shaking(200))]
     twice = "time (s),acc (m/s2)\n" + "".join(row * 2 for row in rows)
     with pytest.raises(UnreadableRecord, match="line 3 has the same time as line 2, but the times must grow"):
@@ -558,7 +558,7 @@ FIRST_LINES = (
 
 @pytest.mark.parametrize("lines", FIRST_LINES)
 @pytest.mark.parametrize("head", ["", "# acc (g)\n", "Some quake\n"])
-def test_a_step_above_a_column_is_no_sample(tmp_path, lines, head):
+def test_a_time_step_above_a_column_is_not_read_as_a_sample(tmp_path, lines, head):
     how, text = {"dt": 0.01, "unit": "g"}, head + in_a_column(lines, *(f"{x:.4f}" for x in shaking(100)))
     for _ in range(3):
         try:
@@ -576,7 +576,7 @@ def test_a_step_above_a_column_is_no_sample(tmp_path, lines, head):
 
 
 @pytest.mark.parametrize("head", ["", "# acc (g)\n", "200\n", "0\n", "dt = 0,01 s\n"])
-def test_decimal_commas_in_one_column_are_named(tmp_path, head):
+def test_decimal_commas_in_one_column_are_reported(tmp_path, head):
     text = head + "".join(f"{x:.5f}\n" for x in 0.1 * shaking(200)).replace(".", ",")
     for columns in (None, "rows", {"a (g)": 1}):
         with pytest.raises(UnreadableRecord, match=r"has '[-\d,]+', which may be one number with a decimal"):
@@ -591,7 +591,7 @@ def test_decimal_commas_in_one_column_are_named(tmp_path, head):
         *("acc N raw (g),acc N corrected (g)", "HNN (g),N (g)"),
     ],
 )
-def test_a_channel_that_is_given_twice_is_a_choice(tmp_path, names):
+def test_two_columns_of_one_channel_require_a_choice(tmp_path, names):
     text = in_table(f"time (s),{names}", columns=2)
     with pytest.raises(UnreadableRecord, match="may be one channel: `columns` must choose") as caught:
         found(tmp_path, text)
@@ -600,7 +600,7 @@ def test_a_channel_that_is_given_twice_is_a_choice(tmp_path, names):
         assert len(found(tmp_path, in_table(f"time (s),{two}", columns=2))) == 2
 
 
-def test_volts_counts_and_velocities_are_no_accelerations(tmp_path):
+def test_volts_counts_and_velocities_are_rejected(tmp_path):
     for header in ("t (s),acc (V)", "t (s),a [V]", "t (s),acc (counts)", "Record: raw counts\nt (s),a"):
         with pytest.raises(UnreadableRecord, match=r"not understood.*factor='FACTOR'"):
             found(tmp_path, in_table(*header.splitlines()), unit="g")

@@ -12,7 +12,7 @@ from tpd.formats.table import Options, read_table
 from tpd.formats.text import Cursor, Decimal, UnreadableRecord
 
 
-def test_numbers_as_printed():
+def test_printed_numbers_are_read_with_their_last_digit():
     found = {x: Decimal.of(x) for x in ("12.50", "-1.5D-02", "7", "3e2")}
     assert [d.value for d in found.values()] == [12.5, -0.015, 7.0, 300.0]
     assert [d.unit for d in found.values()] == pytest.approx([0.01, 0.001, 1.0, 100.0])
@@ -22,7 +22,7 @@ def test_numbers_as_printed():
             text.number(wrong, 3)
 
 
-def test_formats_of_fortran():
+def test_fortran_formats_are_parsed():
     assert text.fortran("Format: (8f9.6)", 1) == (8, 9, 1e-6)
     assert text.fortran("(F10)", 1) == (1, 10, 1.0)
     for wrong in ("", "(8f0.6)", "(0f9.6)", "8f9.6"):
@@ -30,7 +30,7 @@ def test_formats_of_fortran():
             text.fortran(wrong, 2)
 
 
-def test_columns_of_a_width_are_full():
+def test_fixed_width_columns_must_be_full():
     lines = ["   1.0   2.0", "   3.0"]
     np.testing.assert_array_equal(Cursor(lines, True).fixed(3, 2, 6, "samples"), [1.0, 2.0, 3.0])
     for wrong in (["   1.0  2.0", "   3.0"], ["   1.0   2.0", "   3.0   4.0"], lines[:1]):
@@ -38,7 +38,7 @@ def test_columns_of_a_width_are_full():
             Cursor(wrong, True).fixed(3, 2, 6, "samples")
 
 
-def test_a_file_ends_with_a_line():
+def test_a_file_must_end_after_its_last_line():
     Cursor(["", " "], True).require_end()
     Cursor([""], False).require_end(whole=True)
     for cursor, said in (
@@ -74,7 +74,7 @@ class Counted(list):
             yield line
 
 
-def test_the_work_grows_with_the_number_of_rows():
+def test_the_reading_time_is_linear_in_the_number_of_rows():
     def free(cursor, unit):
         return cursor.free("the samples")
 

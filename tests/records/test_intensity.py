@@ -37,7 +37,7 @@ VELOCITY = 2 * 3.0 / (2 * math.pi * 1.5)
         ("scale", 1.0, "-"),
     ],
 )
-def test_measures_of_a_sine(name, value, unit):
+def test_intensity_measures_of_a_sine_have_known_values(name, value, unit):
     found = intensity_of(name, BLOCK, G, None)
     assert found.value(PULSE) == pytest.approx(value, rel=1e-9)
     assert found.unit == unit
@@ -45,12 +45,12 @@ def test_measures_of_a_sine(name, value, unit):
     assert found.value(PULSE.scaled(2.0)) == pytest.approx(value * (1 if name == "scale" else 2), rel=1e-9)
 
 
-def test_the_velocity_between_samples_counts():
+def test_the_peak_velocity_can_lie_between_samples():
     # Triangles up to the zero between the second sample and the third.
     assert peak_velocity(Record([0.0, 2.0, -1.0, 0.5], 0.1)) == pytest.approx(0.1 * (1.0 + 2.0 / 3.0))
 
 
-def test_a_stiff_oscillator_feels_the_ground_and_resonance_is_known():
+def test_spectral_acceleration_of_a_stiff_and_a_resonant_oscillator_is_known():
     record = Record(np.sin(2.0 * np.pi * np.arange(401) / 40.0), 0.025)
     assert spectral_acceleration(record, 0.01) == pytest.approx(1.0, rel=2e-3)
     # Ten periods in resonance at 5 % damping: (1 - exp(-2 pi zeta n))/(2 zeta), nearly.
@@ -104,12 +104,12 @@ JUMPS = Pulse.one_cosine(acceleration=3.0, frequency=1.0)
     # Periods from much shorter than the step to much longer; a pulse of cubics that ends in a jump.
     [*((NOISE, x) for x in (0.004, 0.02, 0.05, 0.1, 0.3, 30.0)), *((JUMPS, x) for x in (0.1, 0.7, 1e4))],
 )
-def test_the_spectral_acceleration_is_that_of_the_motion_between_the_samples(motion, period, damping):
+def test_the_spectral_acceleration_agrees_with_fifty_digits(motion, period, damping):
     found = spectral_acceleration(motion, period, damping)
     assert found == pytest.approx(spectral_acceleration_of_fifty_digits(motion, period, damping), rel=1e-9)
 
 
-def test_the_spectral_accelerations_of_el_centro():
+def test_the_spectral_accelerations_of_el_centro_are_known():
     # Independent: exact exponentials, 40 steps a sample.
     found = [spectral_acceleration(el_centro(), period) for period in (0.1, 0.2, 0.25, 0.3)]
     assert found == pytest.approx([6.3626, 8.0442, 8.2121, 7.4532], abs=2e-4)
@@ -128,12 +128,12 @@ def test_the_spectral_accelerations_of_el_centro():
         ({"damping": None}, "`damping` must be a number, but is None"),
     ],
 )
-def test_a_spectral_acceleration_of_bad_input_is_refused(wrong, said):
+def test_invalid_periods_and_damping_are_rejected(wrong, said):
     with pytest.raises(ValueError, match=said):
         spectral_acceleration(**({"motion": PULSE, "period": 0.3} | wrong))
 
 
-def test_measures_that_do_not_exist():
+def test_unknown_intensity_measures_are_rejected():
     for wrong, said in (
         (("pgx", None), "`intensity` must be one of " + ", ".join(INTENSITIES)),
         (("sa", None), "a spectral acceleration, needs `period`"),
@@ -144,7 +144,7 @@ def test_measures_that_do_not_exist():
             intensity_of(wrong[0], BLOCK, G, wrong[1])
 
 
-def test_velocity_and_displacement_are_those_of_the_exact_integral_and_the_energy_is_timed():
+def test_ground_velocity_and_displacement_equal_the_exact_integrals():
     # Two triangles of an area of 0.1 m/s each, one up and one down.
     record = Record([0.0, 1.0, 0.0, -1.0, 0.0], 0.1, scale=2.0)
     times, *motion = base_motion(record)
@@ -159,7 +159,7 @@ def test_velocity_and_displacement_are_those_of_the_exact_integral_and_the_energ
     assert sum(significant_times(record)) == pytest.approx(0.4, rel=1e-12)
 
 
-def test_peaks_between_the_samples_are_the_same_everywhere():
+def test_every_function_reports_equal_peaks_between_samples():
     rng = np.random.default_rng(3)
     waves = [rng.standard_normal(n) for n in (2, 3, 7, 40)] + [np.zeros(4), np.array([0.0, 1.2, -0.8, 0.0])]
     for wave in waves:

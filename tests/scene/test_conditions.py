@@ -28,7 +28,7 @@ def test_a_product_combines_every_condition_with_every_other():
     assert np.asarray(both.factor_rows()).shape == (6, len(FACTORS))
 
 
-def test_labels_name_the_factors_that_differ():
+def test_the_label_of_a_condition_states_the_factors_that_differ():
     band = Conditions.band(SCENE, 2.0, 4.0, 2)
     assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
     assert band.label(1) == "4 Hz"
@@ -37,7 +37,7 @@ def test_labels_name_the_factors_that_differ():
     assert (Conditions.amplitudes(1.2) * band).label(0) == "2 Hz and 1.2 times the amplitude"
 
 
-def test_labels_of_many_factors_carry_the_values():
+def test_the_label_of_many_factors_states_their_values():
     """The number of a sample says nothing about it."""
     factors = {"friction": [1.0, 0.93], "frequency": [1.0, 0.98], "amplitude": [1.0, 1.1]}
     some = Conditions({k: np.array(v) for k, v in factors.items()})
@@ -58,7 +58,7 @@ def test_the_axis_is_the_one_factor_that_differs():
     np.testing.assert_array_equal(Conditions().factor_rows(), np.ones((1, len(FACTORS))))
 
 
-def test_scatter_gives_the_numbers_that_its_seed_always_gave():
+def test_the_samples_of_a_seed_do_not_change_between_versions():
     some = Conditions.scatter(3, 5, friction=0.2, length=0.05)
     rng, expected = np.random.default_rng(5), {}
     for name in FACTORS:
@@ -69,7 +69,7 @@ def test_scatter_gives_the_numbers_that_its_seed_always_gave():
     assert some.description == ("3 samples of friction within 20%, length within 5% (seed 5)",)
 
 
-def test_a_restitution_scatters_up_to_one():
+def test_a_scattered_restitution_is_at_most_one():
     p = dataclasses.replace(SCENE.parameters(), e=0.9)
     some = Conditions.scatter(40, 2, restitution=0.2)
     q = under_all(p, jnp.array([[0.1, 0.5, 0.1]]), some)
@@ -80,7 +80,7 @@ def test_a_restitution_scatters_up_to_one():
     assert float(slope(1.0)) == 1.0
 
 
-def test_a_subset_has_the_corners_and_is_seeded():
+def test_a_subset_of_conditions_contains_the_corners():
     band = Conditions.band(SCENE, 2.0, 3.0, 64)
     both = band * Conditions.amplitudes(0.8, 1.2)
     some = both.subset(64, 1)
@@ -99,7 +99,7 @@ def test_a_subset_has_the_corners_and_is_seeded():
     assert band.subset(64) is band
 
 
-def test_a_condition_in_si_is_the_scene_with_other_numbers():
+def test_a_condition_equals_the_scene_with_scaled_quantities():
     conditions = Conditions.band(SCENE, 2.0, 3.0, 2) * Conditions.amplitudes(1.2)
     design = {"mass_ratio": 0.1, "length_ratio": 0.3, "damping_ratio": 0.2}
     for i, hertz in enumerate((2.0, 3.0)):
@@ -113,7 +113,7 @@ def test_a_condition_in_si_is_the_scene_with_other_numbers():
 
 
 @pytest.mark.parametrize("restitution", [1.0, "housner"])
-def test_all_designs_under_all_conditions_have_the_conditions_running_fastest(restitution):
+def test_conditions_vary_fastest_in_a_batch_of_designs(restitution):
     block = dataclasses.replace(SCENE.block, restitution=restitution)
     p = dataclasses.replace(SCENE, block=block).parameters()
     conditions = Conditions.scatter(3, 0, slenderness=0.1, damping=0.2, mass=0.2)
@@ -131,7 +131,7 @@ def test_all_designs_under_all_conditions_have_the_conditions_running_fastest(re
     assert len(set(np.broadcast_to(q.velocity_ratio, 6).tolist())) == (1 if restitution == 1.0 else 6)
 
 
-def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
+def test_a_neighbourhood_contains_the_stated_and_stronger_excitations():
     near = Conditions.around(SCENE)
     assert len(near) == 10
     assert set(near.factors) == {"frequency", "amplitude"}
@@ -152,12 +152,12 @@ def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
         ({"count": 1}, "`count` must be a whole number, 2 or more, but is 1"),
     ],
 )
-def test_a_neighbourhood_that_makes_no_sense_is_refused(given, message):
+def test_an_invalid_neighbourhood_is_rejected(given, message):
     with pytest.raises(ValueError, match=message):
         Conditions.around(SCENE, **given)
 
 
-def test_conditions_of_records_are_every_motion_at_every_scale():
+def test_conditions_of_records_combine_every_record_with_every_scale():
     rng = np.random.default_rng(0)
     records = [tpd.Record(rng.normal(size=50), 0.02, event=str(i)) for i in range(3)]
     scatter = {"slenderness": 0.02, "damping": 0.2}
@@ -186,7 +186,7 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
     assert float(train.duration) == pytest.approx(40.0)
 
 
-def test_a_subset_has_the_extreme_conditions():
+def test_a_subset_of_conditions_contains_the_extremes():
     band = Conditions.band(SCENE, 1.0, 4.0, 40)
     for seed in range(5):
         frequencies = band.subset(4, seed).column("frequency")
@@ -196,7 +196,7 @@ def test_a_subset_has_the_extreme_conditions():
 @pytest.mark.parametrize(
     ("own", "words"), [("housner", "'housner', which follows"), (1.0, "1, which is no loss")]
 )
-def test_only_a_restitution_that_is_a_number_below_one_can_vary(own, words):
+def test_only_a_numerical_restitution_below_one_can_vary(own, words):
     scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=own))
     with pytest.raises(ValueError, match=f"`restitution` can vary only if .*, but it is {words}"):
         check_restitution(scene)
@@ -221,7 +221,7 @@ def test_housners_restitution_can_vary_in_runs():
     )
 
 
-def test_a_motion_keeps_its_samples_in_every_order():
+def test_the_samples_of_a_record_do_not_depend_on_the_order_of_records():
     motions = [tpd.Pulse.ricker(acceleration=x, frequency=1.0) for x in (1.0, 2.0, 3.0)]
     widths = {"slenderness": 0.1, "mass": 0.1}
     first = Conditions.records(motions, (1.0, 2.0), scatter=widths, samples=2, seed=4)

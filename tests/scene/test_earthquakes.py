@@ -54,12 +54,12 @@ PAIRS = (
 )
 
 
-def test_spellings_of_one_earthquake():
+def test_all_spellings_of_one_earthquake_are_equal():
     assert [pair for pair in itertools.permutations(VALLEY, 2) if not is_one(*pair)] == []
 
 
 @pytest.mark.parametrize(("first", "second", "expected"), PAIRS)
-def test_texts_of_one_earthquake_are_recognised(first, second, expected):
+def test_texts_of_equal_and_different_earthquakes_are_distinguished(first, second, expected):
     assert is_one(first, second) is expected
     assert is_one(second, first) is expected
 

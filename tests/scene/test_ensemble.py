@@ -18,12 +18,12 @@ from tpd.scene.ensemble import Ensemble, Starts
         ({"disturbed": 1.5}, "`disturbed` must be between 0 and 1, but is 1.5"),
     ],
 )
-def test_ensembles_that_make_no_sense_are_refused(wrong, message):
+def test_invalid_ensembles_are_rejected(wrong, message):
     with pytest.raises(ValueError, match=message):
         Ensemble(**wrong)
 
 
-def test_starts_are_seeded_spread_and_begin_at_rest():
+def test_initial_states_fill_their_ranges_and_the_first_is_at_rest():
     starts = Starts(size=16, seed=5, tilt=0.5, tilt_rate=0.4, swing=0.3, swing_rate=0.2)
     states = starts.states(0.2)
     np.testing.assert_array_equal(states[0], 0.0)

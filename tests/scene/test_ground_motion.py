@@ -43,7 +43,7 @@ PULSES = {
 
 
 @pytest.mark.parametrize("kind", PULSES)
-def test_a_pulse_is_its_formula(kind):
+def test_a_pulse_follows_its_formula(kind):
     pulse, periods, formula = PULSES[kind]
     assert pulse.kind == kind
     assert pulse.duration == pytest.approx(periods / F, rel=1e-12)
@@ -53,7 +53,7 @@ def test_a_pulse_is_its_formula(kind):
     np.testing.assert_array_equal(pulse.acceleration_at([-0.01, periods / F + 0.01]), 0.0)
 
 
-def test_phases_of_a_turn_and_a_single_cycle_are_allowed():
+def test_a_pulse_can_have_any_phase_and_one_cycle():
     for phase in (-6.28, 6.28):
         pulse = Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=phase)
         assert pulse.phase == phase
@@ -65,7 +65,7 @@ def test_pulses_have_a_fixed_number_of_pieces():
     assert numbers == [256, 256, 3 * 128, 1024, 1024]
 
 
-def test_scales_and_derivatives():
+def test_a_scaled_pulse_has_the_scaled_peak_and_derivatives():
     pulse = PULSES["mavroeidis-papageorgiou"][0]
     assert pulse.scaled(2.0).pga == pytest.approx(2.0 * pulse.pga, rel=1e-14)
     assert pulse.scaled_to(pga_g=0.3).pga == pytest.approx(0.3 * 9.80665, rel=1e-14)
@@ -91,12 +91,12 @@ def test_scales_and_derivatives():
         ({"phase": np.inf}, "`phase` must be"),
     ],
 )
-def test_numbers_out_of_range_are_refused(given, said):
+def test_pulse_numbers_out_of_range_are_rejected(given, said):
     with pytest.raises(ValueError, match=said):
         Pulse(**{"kind": "one-sine", "acceleration": 1.0, "frequency": 1.0, **given})
 
 
-def test_earthquakes_have_numbers_by_what_the_motions_contain():
+def test_scaled_copies_of_a_record_have_one_earthquake_number():
     a, b, c = (Record(np.random.default_rng(i).standard_normal(50), 0.02, name=f"r{i}") for i in range(3))
     motions = [a, b, c, a.scaled(2.0), Pulse.ricker(acceleration=A, frequency=F)]
     numbers = earthquakes_of(motions)

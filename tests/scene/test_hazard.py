@@ -32,7 +32,7 @@ def by_quadrature(hazard: tpd.Hazard, median: float, dispersion: float) -> float
     return sum(quad(term, a, b, epsabs=0.0, epsrel=1e-12)[0] for a, b in pairwise(ends))
 
 
-def test_two_points_are_a_power_law_with_a_closed_rate():
+def test_the_rate_of_a_power_law_hazard_has_a_closed_form():
     k0, k = 4e-4, 2.5
     hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[k0 * 0.1**-k, k0], intensity="pga_g")
     rate = hazard.annual_rate(0.6, 0.4)
@@ -40,7 +40,7 @@ def test_two_points_are_a_power_law_with_a_closed_rate():
     assert rate == pytest.approx(k0 * 0.6**-k * np.exp(0.5 * (k * 0.4) ** 2), rel=1e-13)
 
 
-def test_a_curve_of_points_has_the_rate_of_the_table_and_of_a_quadrature():
+def test_the_rate_of_a_hazard_curve_equals_a_quadrature():
     assert SITE.annual_rate(0.6, 0.4) == pytest.approx(6.4984241230e-4, rel=1e-10)
     for median, dispersion in ((0.6, 0.4), (0.15, 0.2), (2.5, 0.6), (0.02, 0.3)):
         assert SITE.annual_rate(median, dispersion) == pytest.approx(
@@ -48,7 +48,7 @@ def test_a_curve_of_points_has_the_rate_of_the_table_and_of_a_quadrature():
         )
 
 
-def test_without_dispersion_the_rate_is_that_of_the_hazard():
+def test_without_dispersion_the_rate_equals_the_hazard_at_the_median():
     assert SITE.exceeding(np.array(LEVELS)) == pytest.approx(RATES, rel=1e-6)
     assert SITE.exceeding(np.sqrt(0.5 * 0.8)) == pytest.approx(np.sqrt(6.5e-4 * 1.5e-4), rel=1e-9)
 
@@ -63,7 +63,7 @@ def test_extreme_curves_have_finite_rates_and_gradients(median, dispersion):
 
 
 @pytest.mark.parametrize(("median", "dispersion"), [(0.6, 0.4), (0.12, 0.3), (3.0, 0.7)])
-def test_gradients_are_those_of_finite_differences(median, dispersion):
+def test_gradients_of_the_rate_equal_finite_differences(median, dispersion):
     at = jnp.array([median, dispersion])
     slopes = jax.jit(jax.grad(lambda x: SITE.annual_rate(x[0], x[1])))(at)
     for i, h in enumerate(1e-5 * np.array([median, dispersion])):
@@ -81,7 +81,7 @@ def test_arrays_of_jax_give_arrays_of_jax_and_numbers_give_numbers():
     assert isinstance(SITE.annual_rate(0.6, 0.4), float)
 
 
-def test_the_unit_belongs_to_the_intensity():
+def test_the_unit_of_a_hazard_follows_from_its_intensity():
     si = tpd.Hazard(levels=[STANDARD_GRAVITY * x for x in LEVELS], rates=RATES)
     assert si.measure == Measure("PGA", 1.0, "m/s^2")
     assert SITE.measure == Measure("PGA", STANDARD_GRAVITY, "g")
@@ -123,7 +123,7 @@ def test_the_unit_belongs_to_the_intensity():
         ({"intensity": "sa", "period": 0.0}, "`period` must be positive and finite, but is 0"),
     ],
 )
-def test_bad_hazards_are_rejected_in_one_sentence(change, message):
+def test_invalid_hazards_are_rejected_in_one_sentence(change, message):
     with pytest.raises(ValueError, match=re.escape(message)) as error:
         tpd.Hazard(**{"levels": [0.1, 0.2], "rates": [0.01, 0.001]} | change)
     assert "\n" not in str(error.value)

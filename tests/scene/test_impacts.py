@@ -55,7 +55,7 @@ def run(folder, law, e):
 
 
 @pytest.mark.slow
-def test_another_law_in_its_one_place_is_followed_by_all_models(tmp_path):
+def test_all_models_use_one_impact_law(tmp_path):
     runs = [run(tmp_path / n, n, e) for n, e in (("other", E), ("usual", SAME))]
     other, usual = (json.loads(r.communicate(timeout=900)[0]) for r in runs)
     nonlinear = other.pop("nonlinear"), usual.pop("nonlinear")
@@ -79,14 +79,14 @@ def struck(nu, rho):
 
 
 @pytest.mark.parametrize(("nu", "rho"), [(0.1, 0.74), (0.25, 0.6), (0.5, 0.6), (0.4, 0.8)])
-def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho):
+def test_housners_restitution_conserves_angular_momentum_about_the_new_corner(nu, rho):
     assert housner(nu, rho) == pytest.approx(struck(nu, rho), rel=1e-14)
 
 
 @pytest.mark.parametrize("kappa", [0.7, 2.0, 3.1])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("psi", [-1.2, 0.0, 0.3, 2.0])
-def test_the_bob_along_its_rod_takes_part_in_an_impact(side, psi, kappa):
+def test_an_impact_includes_the_momentum_of_the_bob_along_its_rod(side, psi, kappa):
     nu, mu, lam, rho, e, sine, cosine = 0.23, 0.17, 0.6, 0.68, 0.8, np.sin(psi), np.cos(psi)
     after, before, share = kappa * sine - side * nu * cosine, kappa * sine + side * nu * cosine, mu * rho
     kept = e * (1 + share * nu**2) + share * nu**2
@@ -102,7 +102,7 @@ def test_the_bob_along_its_rod_takes_part_in_an_impact(side, psi, kappa):
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("psi", [-1.2, 0.3, 2.0])
 @pytest.mark.parametrize("kappa", [0.7, 2.0, 3.1])
-def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side, psi, kappa):
+def test_an_impact_adds_no_energy_and_keeps_the_transverse_speed_of_the_bob(side, psi, kappa):
     nu, mu, lam, rho, swing = 0.3, 0.4, 0.5, 0.7, 0.8
     sine, cosine = np.sin(psi), np.cos(psi)
 

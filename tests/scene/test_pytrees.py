@@ -25,7 +25,7 @@ LIGHT = (
 """Modules of what is checked before JAX is imported."""
 
 
-def test_settings_are_made_and_checked_without_jax():
+def test_settings_can_be_created_without_importing_jax():
     script = f"""
 import sys
 from importlib import import_module
@@ -49,7 +49,7 @@ print(sorted({{*sys.modules}} & {{*{HEAVY}}}))
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
-def test_a_dataclass_of_numbers_has_its_words_apart():
+def test_numbers_of_a_pytree_are_leaves_and_words_are_static():
     @pytree
     @dataclasses.dataclass(frozen=True)
     class Thing:

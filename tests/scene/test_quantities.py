@@ -50,7 +50,7 @@ EACH = [
 
 
 @pytest.mark.parametrize(("scene", "name"), EACH)
-def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, name):
+def test_varying_a_quantity_equals_a_scene_with_the_new_value(scene, name):
     axis, setup = Axis.of(scene, name, PENDULUM), Setup.of(scene, PENDULUM)
     base = vector(scene.parameters(PENDULUM))
     values = setup.values[name] * np.array([0.9, 0.95, 1.0])
@@ -69,7 +69,7 @@ def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, nam
 
 
 @pytest.mark.parametrize(("scene", "name"), EACH)
-def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
+def test_derivatives_along_a_quantity_equal_finite_differences(scene, name):
     axis = Axis.of(scene, name, PENDULUM)
     assert set(axis.others) == set(axis.setup.values) - {name}
     value = axis.setup.values[name]
@@ -82,7 +82,7 @@ def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
     assert np.abs(slopes[:, 0]).max() > 0
 
 
-def test_a_parameter_takes_its_tied_inertia_along():
+def test_the_default_inertia_ratio_follows_a_varied_parameter():
     h = 1e-5
     free = Parameters(**{**{n: getattr(WITHOUT, n) for n in NAMES}, "rho": 0.7})
     for p in (WITHOUT, free):
@@ -94,7 +94,7 @@ def test_a_parameter_takes_its_tied_inertia_along():
 
 
 @pytest.mark.parametrize("name", ["nu", "mu"])
-def test_a_parameter_takes_housner_s_restitution_along(name):
+def test_housners_restitution_follows_a_varied_parameter(name):
     p = TIED.parameters(PENDULUM)
     for axis in (Axis.of(p, name), Axis.of(TIED, name, PENDULUM)):
         assert "e" not in axis.others
@@ -109,7 +109,7 @@ def test_a_parameter_takes_housner_s_restitution_along(name):
     assert Setup.of(TIED, PENDULUM).at({name: value}).velocity_ratio == expected[NAMES.index("e")]
 
 
-def test_a_parameter_of_a_scene_leaves_the_others_alone():
+def test_varying_a_parameter_of_a_scene_changes_no_other_parameter():
     p = SCENE.parameters(PENDULUM)
     at = Setup.of(SCENE, PENDULUM).at({"xi": 3.0, "pendulum_mass": 1.6})
     np.testing.assert_allclose(
@@ -119,7 +119,7 @@ def test_a_parameter_of_a_scene_leaves_the_others_alone():
     assert axis.others == tuple(n for n in NAMES if n not in ("xi", "rho"))
 
 
-def test_a_restitution_that_is_given_goes_before_housner_s():
+def test_a_varied_restitution_replaces_housners():
     at = Setup.of(TIED).at({"restitution": 0.7, "width": 1.0})
     assert (at.e, at.nu) == (0.7, 0.25)
     assert Setup.of(TIED).moved("restitution") == ("e",)
@@ -129,7 +129,7 @@ def test_a_restitution_that_is_given_goes_before_housner_s():
         Setup.of(TIED).check("name", "restitution", 0.0)
 
 
-def test_without_a_pendulum_nothing_of_it_can_be_varied():
+def test_pendulum_quantities_cannot_be_varied_without_a_pendulum():
     assert not any(n.startswith("pendulum_") for n in Axis.of(SCENE, "frequency").others)
     for name in ("mu", "zeta", "pendulum_mass", "pendulum_length"):
         with pytest.raises(ValueError, match=f"`{name}` cannot be varied without a pendulum"):
@@ -147,7 +147,7 @@ def test_without_a_pendulum_nothing_of_it_can_be_varied():
         ("omega", 1.0, "`name` must be one of width, height.*nu, mu.*but is 'omega'"),
     ],
 )
-def test_values_out_of_range_are_refused_by_name(name, value, match):
+def test_values_out_of_range_are_rejected_by_name(name, value, match):
     with pytest.raises(ValueError, match=match):
         Axis.of(SCENE, name, PENDULUM).check(value)
 
@@ -162,21 +162,21 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
         ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
     ],
 )
-def test_a_range_in_another_unit_is_refused(name, values, match):
+def test_a_range_in_a_wrong_unit_is_rejected(name, values, match):
     setup = Setup.of(SCENE, PENDULUM)
     with pytest.raises(ValueError, match=match):
         setup.check("x", name, *values)
     setup.check("x", "frequency", 0.5, 50.0)  # the upper end may exceed what any ground does
 
 
-def test_a_pendulum_beside_parameters_is_refused():
+def test_parameters_with_a_separate_pendulum_are_rejected():
     with pytest.raises(ValueError, match="`pendulum` is allowed only with a scene"):
         Setup.of(WITHOUT, PENDULUM)
     with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
         Axis.of(WITHOUT, "frequency")
 
 
-def test_another_design_replaces_the_pendulum_and_nothing_else():
+def test_another_design_changes_only_the_parameters_of_the_pendulum():
     p = SCENE.parameters(PENDULUM)
     q = jax.jit(with_design)(p, jnp.array([0.2, 0.3, 0.4]))
     np.testing.assert_array_equal([q.mu, q.lam, q.zeta], [0.2, 0.3, 0.4])

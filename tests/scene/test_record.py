@@ -12,7 +12,7 @@ from tpd import Record
 TRIANGLE = [0.0, 1.0, 0.0, -2.0, 0.0]
 
 
-def test_sizes_of_a_record_worked_out_by_hand():
+def test_peaks_and_duration_of_a_record_equal_a_hand_calculation():
     record = Record(TRIANGLE, 0.1)
     assert record.pga == 2.0
     # From rest: 0.05, 0.1, 0.0, -0.1 m/s by trapezoids.
@@ -21,7 +21,7 @@ def test_sizes_of_a_record_worked_out_by_hand():
     assert (record.scale, record.name, record.event, record.notes) == (1.0, "", "", ())
 
 
-def test_scales():
+def test_a_scaled_record_has_the_scaled_peaks_and_its_name():
     record = Record(TRIANGLE, 0.1, name="a", event="b", notes=("c",))
     twice = record.scaled(2)
     assert twice.pga == 4.0
@@ -33,14 +33,14 @@ def test_scales():
     assert Record([0, 0], 1).pga == 0.0
 
 
-def test_the_pieces_are_straight_lines_between_samples_over_the_peak():
+def test_the_pieces_of_a_record_are_straight_lines_divided_by_the_peak():
     lines = [[0.0, 0.5, 0, 0], [0.5, -0.5, 0, 0], [0.0, -1.0, 0, 0], [-1.0, 1.0, 0, 0]]
     np.testing.assert_allclose(Record(TRIANGLE, 0.1, scale=3.0).pieces(), lines)
     np.testing.assert_allclose(Record(TRIANGLE, 0.1, scale=-0.5).pieces(), -np.array(lines))
     assert not np.any(Record([0.0, 0.0], 0.1).pieces())
 
 
-def test_the_samples_are_copied_and_kept():
+def test_the_samples_of_a_record_are_a_read_only_copy():
     given = np.array(TRIANGLE)
     record = Record(given, 0.1)
     given[0] = 7.0
@@ -49,7 +49,7 @@ def test_the_samples_are_copied_and_kept():
         record.acceleration[0] = 1.0
 
 
-def test_equal_records():
+def test_records_are_equal_if_all_fields_are_equal():
     assert Record(TRIANGLE, 0.1) == Record(np.array(TRIANGLE), 0.1)
     assert Record(TRIANGLE, 0.1) != Record(TRIANGLE, 0.2)
     assert Record(TRIANGLE, 0.1) != Record(TRIANGLE, 0.1, event="b")
@@ -76,7 +76,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("make", WRONG)
-def test_wrong_samples_steps_and_scales_are_refused(make):
+def test_invalid_samples_steps_and_scales_are_rejected(make):
     call, message = WRONG[make]
     # The checker of types of the tests may speak first where a word stands for a tuple or a number.
     with pytest.raises((ValueError, TypeError), match=message):
@@ -93,7 +93,7 @@ def test_a_record_is_a_pytree_of_its_numbers():
     assert paths == [".acceleration", ".dt", ".scale"]
 
 
-def test_jit_gradients_and_batches():
+def test_a_record_supports_jit_grad_and_vmap():
     record = Record(TRIANGLE, 0.1)
     assert jax.jit(lambda r: r.pgv)(record) == pytest.approx(record.pgv, rel=1e-15)
     slopes = jax.grad(lambda r: r.scaled(3.0).pga)(record)
@@ -105,7 +105,7 @@ def test_jit_gradients_and_batches():
     assert made == pytest.approx(0.4, rel=1e-15)
 
 
-def test_a_path_begins_at_home(tmp_path, monkeypatch):
+def test_a_tilde_in_the_path_of_a_record_is_the_home_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "a.csv").write_text(
         "time (s),acc (m/s2)\n" + "".join(f"{0.01 * i:.2f},{i % 5}\n" for i in range(50))
@@ -113,7 +113,7 @@ def test_a_path_begins_at_home(tmp_path, monkeypatch):
     assert Record.read("~/a.csv") == Record.read_all("~/a.csv")[0] == Record.read(tmp_path / "a.csv")
 
 
-def test_the_peak_velocity_may_lie_between_two_samples():
+def test_the_peak_velocity_between_two_samples_has_a_gradient():
     record = Record([0.0, 1.2, -0.8, 0.0], 0.02)
     assert record.pgv == pytest.approx(0.0192, rel=1e-12)
     gradient = jax.grad(lambda r: r.pgv)(record)

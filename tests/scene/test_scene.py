@@ -19,7 +19,7 @@ MOTION = {"amplitude": 0.015, "frequency": 2.5}
 PENDULUM = {"mass": 1.6, "length": 0.1, "damping_ratio": 0.1}
 
 
-def test_the_paper_s_case_study_in_its_own_numbers():
+def test_the_scene_of_the_paper_has_its_dimensionless_numbers():
     # Collini et al., section 5: 0.1 m by 0.4 m, 15 mm at 2.5 Hz; worked out by hand from (1) to (6).
     p = paper_scene().parameters()
     rho = 0.75 / (1 + 0.25**2)
@@ -35,7 +35,7 @@ def test_the_paper_s_case_study_in_its_own_numbers():
     assert (paper_scene().uplift, paper_scene().peak) == pytest.approx((0.3, float(p.f)), rel=1e-14)
 
 
-def test_a_pendulum_in_si_becomes_the_ratios_it_was_made_from():
+def test_a_pendulum_in_si_units_has_the_ratios_of_its_definition():
     scene = paper_scene()
     # lam = l/b, while the paper's Table 1 lists l/(2b).
     pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.8, damping_ratio=0.07)
@@ -45,7 +45,7 @@ def test_a_pendulum_in_si_becomes_the_ratios_it_was_made_from():
     assert (p.mu, p.lam, p.zeta) == pytest.approx((0.1, 0.8, 0.07), rel=1e-14)
 
 
-def test_another_gravity_and_size_scale_the_forcing_and_not_the_block():
+def test_gravity_and_size_scale_the_forcing_and_not_the_block():
     small = paper_scene().parameters()
     large = Scene(
         Block(width=0.2, height=0.8, mass=100.0, friction=0.05, restitution=1.0),
@@ -77,7 +77,7 @@ UNITS = {
 
 
 @pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
-def test_quantities_in_another_unit_are_refused(make, given, said):
+def test_quantities_in_a_wrong_unit_are_rejected(make, given, said):
     with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
         make(**given)
     assert said in str(refused.value)
@@ -85,12 +85,12 @@ def test_quantities_in_another_unit_are_refused(make, given, said):
 
 
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
-def test_a_gravity_in_another_unit_is_refused(gravity):
+def test_a_gravity_in_a_wrong_unit_is_rejected(gravity):
     with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
-def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
+def test_light_and_heavy_blocks_and_lunar_gravity_are_accepted():
     # Foam; a model of steel; a wall, twenty times as deep as wide; a slender chimney.
     for size in ((0.5, 1.5, 8.0), (0.02, 0.1, 0.6), (0.5, 8.0, 90e3), (2.0, 90.0, 500e3)):
         block = Block(**dict(zip(BLOCK, size, strict=True)), friction=0.01)
@@ -98,7 +98,7 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
         assert float(scene.parameters().f) > 10.0
 
 
-def test_a_block_has_the_cavity_that_is_stated_and_no_other():
+def test_the_clear_width_of_a_block_is_its_stated_cavity():
     assert Block(**BLOCK).clear_width == np.inf
     assert Block(**BLOCK, cavity_width=0.07).clear_width == 0.07
     assert paper_scene().block.cavity_width == 0.08
@@ -124,25 +124,25 @@ def test_a_radius_of_gyration_is_at_most_half_the_diagonal():
         Block(**BLOCK, radius_of_gyration=0.207)
 
 
-def test_a_wide_block_is_refused_with_a_hint_if_it_is_wider_than_high():
+def test_a_block_wider_than_half_its_height_is_rejected():
     for width, has_hint in ((0.3, False), (0.5, True)):
         with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`") as refused:
             Block(width=width, height=0.4, mass=16.0 * width / 0.1)
         assert ("are width and height exchanged?" in str(refused.value)) is has_hint
 
 
-def test_many_frictions_of_the_base_are_allowed_up_to_a_plausible_one():
+def test_the_friction_coefficient_of_the_base_is_at_most_two():
     assert Block(**BLOCK, base_friction=np.array([0.3, 0.6])).base_friction.tolist() == [0.3, 0.6]
     with pytest.raises(ValueError, match=r"`base_friction` must be between 0 and 2, but is 2\.5"):
         Block(**BLOCK, base_friction=2.5)
 
 
-def test_the_damping_of_the_hinge_is_that_of_a_pendulum_on_a_fixed_point():
+def test_the_hinge_damping_follows_from_the_damping_ratio_on_a_fixed_support():
     # 2 zeta m l^2 sqrt(g/l)
     assert WITH.hinge_damping(9.7) == pytest.approx(2 * 0.2 * 1.2 * 0.05**2 * np.sqrt(9.7 / 0.05), rel=1e-14)
 
 
-def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
+def test_housners_restitution_of_a_rectangle_equals_the_textbook():
     block = Block(**BLOCK, restitution="housner")
     alpha = np.arctan(0.1 / 0.4)
     assert block.velocity_ratio == pytest.approx(1 - 1.5 * np.sin(alpha) ** 2, rel=1e-14)
@@ -151,7 +151,7 @@ def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
     assert p.velocity_ratio == block.velocity_ratio
 
 
-def test_a_block_rocks_on_a_part_of_its_width():
+def test_the_effective_width_narrows_the_base_and_keeps_the_mass():
     """The base is narrower, but mass and radius of gyration are those of the whole block."""
     whole = Block(**BLOCK)
     gyration = math.sqrt((whole.width**2 + whole.height**2) / 12.0)
@@ -171,14 +171,14 @@ def test_a_block_rocks_on_a_part_of_its_width():
     assert narrow.inertia_ratio == pytest.approx(b**2 / (a**2 + b**2 + 0.13**2), rel=1e-15)
 
 
-def test_a_block_that_rocks_on_its_whole_width_is_the_block_without_a_statement():
+def test_an_effective_width_of_one_is_the_default():
     assert Block(**BLOCK, effective_width=1.0) == Block(**BLOCK, effective_width=1) == Block(**BLOCK)
     for wrong in (0.0, 1.01, -0.9, 0.19):
         with pytest.raises(ValueError, match="`effective_width` must be"):
             Block(**BLOCK, effective_width=wrong)
 
 
-def test_the_effective_width_has_a_gradient():
+def test_the_effective_width_is_differentiable():
     def rate(share: Any) -> Any:
         block = replace(Block(**BLOCK, effective_width=0.9), effective_width=share)
         p = Scene(block, Harmonic(**MOTION)).parameters()
@@ -188,7 +188,7 @@ def test_the_effective_width_has_a_gradient():
     assert jax.grad(rate)(0.9) == pytest.approx((rate(0.9 + h) - rate(0.9 - h)) / (2.0 * h), rel=1e-7)
 
 
-def test_housner_s_ratio_takes_the_bob_along():
+def test_housners_restitution_includes_the_mass_of_the_bob():
     block, with_it = (
         Block(**BLOCK, restitution="housner"),
         Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1),
@@ -201,7 +201,7 @@ def test_housner_s_ratio_takes_the_bob_along():
     assert given.velocity_ratio == given.e == 0.9
 
 
-def test_a_block_loses_energy_by_housner_s_impacts_and_no_friction_unless_they_are_given():
+def test_the_default_losses_are_housners_impacts_without_friction():
     losses = {
         (): (0.0, None),
         (("restitution", 0.9),): (0.0, 0.9),
@@ -242,7 +242,7 @@ def differences_in_si(function, both, share):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_derivatives_of_the_parameters_in_si_are_those_of_differences(name):
+def test_derivatives_of_parameters_in_si_units_equal_differences(name):
     def vector(both):
         p = both[0].parameters(both[1])
         numbers = p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
@@ -260,7 +260,7 @@ def slopes_in_si(both):
     return jax.value_and_grad(lambda both: steady_state(both[0].parameters(both[1])).amplitude)(both)
 
 
-def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
+def test_derivatives_of_the_amplitude_in_si_units_equal_differences():
     both = (TIED, WITH)
     amplitude, slopes = slopes_in_si(both)
     assert float(amplitude) == pytest.approx(0.0737342, rel=1e-5)
@@ -293,7 +293,7 @@ def test_a_batch_of_one_part_combines_with_single_others(batched):
         np.testing.assert_allclose(margins, expected, rtol=1e-14)
 
 
-def test_a_part_can_be_made_of_traced_numbers():
+def test_a_part_of_a_scene_can_have_traced_numbers():
     def margin(length):
         return uplift(paper_scene().parameters(Pendulum(mass=1.6, length=length, damping_ratio=0.1))).margin
 
@@ -326,7 +326,7 @@ def test_the_hinge_is_at_the_top_unless_its_height_is_stated():
         (0.09, "`length` must be at most 0.09, the height of the hinge, because the bob would hang below"),
     ],
 )
-def test_a_hinge_below_the_base_or_above_twice_the_height_or_too_low_for_its_rod_is_refused(height, match):
+def test_a_hinge_height_out_of_range_is_rejected(height, match):
     scene = paper_scene()
     with pytest.raises(ValueError, match=match):
         scene.parameters(Pendulum(mass=1.0, length=0.1, damping_ratio=0.1, hinge_height=height))

@@ -22,7 +22,7 @@ from tpd.scene.status import (
 
 
 @pytest.mark.parametrize("name", Status.__names__)
-def test_names_numbers_and_statuses_belong_together(name):
+def test_names_and_codes_of_a_status_agree(name):
     status = getattr(Status, name)
     assert status_name(status) == name
     assert names_of(status).shape == ()
@@ -35,7 +35,7 @@ def test_names_numbers_and_statuses_belong_together(name):
         assert Status[status].count(".") >= 2
 
 
-def test_numbers_in_files_keep_their_names():
+def test_stored_status_codes_keep_their_names():
     codes = np.array([[2, 4], [15, 0]], dtype=np.int8)
     assert names_of(codes).tolist() == [["rest", "overturned"], ["rocked", "rocking"]]
     assert codes_of(["rest", "overturned", "rocked"]).tolist() == [2, 4, 15]
@@ -44,7 +44,7 @@ def test_numbers_in_files_keep_their_names():
         names_of(np.array([18]))
 
 
-def test_groups_of_statuses_are_compared_in_arrays_batches_and_programs():
+def test_membership_in_a_group_of_statuses_holds_in_arrays_and_under_jit():
     codes = np.array([0, 2, 14, 11], dtype=np.int8)
     batch = jax.vmap(lambda x: Status.where(x, Status.rocking, Status.stood))(jnp.array([True, False]))
     for members, in_codes, in_batch in (

@@ -84,21 +84,21 @@ def test_the_lagrangian_gives_equations_4(s):
 
 
 @pytest.mark.parametrize("s", SIGNS)
-def test_linear_holds_the_matrices_of_the_linearised_equations(s):
+def test_linear_has_the_matrices_of_the_linearised_equations(s):
     for matrix, symbols in zip(matrices(Linear(P)), (A, V, Q), strict=True):
         rows = [sp.expand(r - q) for r, q in zip(linearised(s), (parametric(s), 0), strict=True)]
         expected = sp.Matrix(rows).jacobian(symbols).subs(numbers())
         np.testing.assert_allclose(matrix, np.array(expected, dtype=float), rtol=1e-14, atol=1e-16)
 
 
-def test_the_mass_determinant_is_its_short_formula():
+def test_the_mass_determinant_equals_its_short_formula():
     mass = sp.Matrix(linearised(1)).jacobian(A)
     assert sp.expand(mass.det() - LAM * RHO * (1 + MU * RHO * NU**2)) == 0
     assert Linear(P).determinant == pytest.approx(np.linalg.det(matrices(Linear(P))[0]), rel=1e-14)
 
 
 @pytest.mark.parametrize("s", SIGNS)
-def test_the_dropped_parametric_term_is_of_second_order_where_all_others_are_of_first(s):
+def test_only_the_neglected_parametric_term_is_of_second_order(s):
     size = sp.symbols("size")
     small = {z: size * z for z in (*Q, *V, *A, K, F, NU)}
     block = sp.expand(linearised(s)[0].subs("sigma", 1) - MU * RHO * NU**2 * A[0])
@@ -110,7 +110,7 @@ def test_the_dropped_parametric_term_is_of_second_order_where_all_others_are_of_
 
 
 @pytest.mark.parametrize("s", SIGNS)
-def test_the_held_moment_satisfies_row_one_for_a_block_at_rest(s):
+def test_the_moment_on_a_resting_block_satisfies_the_first_equation(s):
     block, bob = (r.subs({V[0]: 0, A[0]: 0, "sigma": 0}) for r in linearised(s))
     swing = sp.solve(bob, A[1])[0]
     moment = -(block - parametric(s) - s * (1 + MU) * NU).subs(A[1], swing)
@@ -136,7 +136,7 @@ def full(s, terms):
 @pytest.mark.parametrize("terms", [Terms.parametric, Terms.nonlinear])
 @pytest.mark.parametrize("s", SIGNS)
 @pytest.mark.parametrize("sigma", SIGNS)
-def test_rates_of_the_larger_models_are_those_of_the_lagrangian(s, sigma, terms):
+def test_rates_of_the_nonlinear_models_satisfy_the_lagrangian(s, sigma, terms):
     equations, rng = Equations(P, terms), np.random.default_rng(8)
     for y, tau in zip(rng.normal(scale=0.5, size=(5, 4)), rng.uniform(0, 9, 5), strict=True):
         rates = equations.rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
@@ -146,7 +146,7 @@ def test_rates_of_the_larger_models_are_those_of_the_lagrangian(s, sigma, terms)
 
 @pytest.mark.parametrize("terms", list(Terms))
 @pytest.mark.parametrize("s", SIGNS)
-def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
+def test_the_moment_that_holds_a_block_balances_its_acceleration(s, terms):
     x, t = (0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3), 0.4
     kind = {"nonlinear": terms is Terms.nonlinear, "parametric": terms is Terms.parametric}
     loop, equations = EventDriven(x, **kind), Equations(parameters(x), terms)
@@ -157,7 +157,7 @@ def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
         np.testing.assert_allclose(rates, loop.held(t, y), atol=1e-13)
 
 
-def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_on_a_fixed_point():
+def test_a_damping_ratio_of_one_is_critical_on_a_fixed_support():
     linear = Linear(Parameters(nu=0.2, mu=0.1, lam=0.7, zeta=1, k=0, f=0, xi=1))
     assert linear.c2**2 == pytest.approx(4 * linear.m22, rel=1e-14)
 
@@ -171,7 +171,7 @@ def energy(linear, bob, y):
 
 
 @pytest.mark.parametrize("s", SIGNS)
-def test_energy_is_lost_to_the_hinge_and_to_the_contact_alone(s):
+def test_energy_is_lost_only_in_the_hinge_and_the_contact(s):
     for lossy in ({"zeta": 0.0, "k": 0.0}, {"zeta": 0.2, "k": 0.0}, {"zeta": 0.0, "k": 0.05}):
         p = Parameters(nu=0.23, mu=0.17, lam=0.6, f=0, xi=2.3, **lossy)
         linear = Linear(p)
@@ -185,7 +185,7 @@ def test_energy_is_lost_to_the_hinge_and_to_the_contact_alone(s):
 
 
 @pytest.mark.parametrize("e", [1.0, 0.8])
-def test_the_smoothed_loss_of_a_crossing_is_that_of_an_impact(e):
+def test_a_smoothed_impact_loses_the_energy_of_an_impact(e):
     p, width = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.1, k=0.0, f=0.0, xi=2.3, e=e, kappa=1.3), 0.01
     ratio, across = (
         impacts.linear_ratio(*(law := (p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa))),
@@ -202,7 +202,7 @@ def test_the_smoothed_loss_of_a_crossing_is_that_of_an_impact(e):
     assert change[1] == pytest.approx(math.log(ratio) / (ratio - 1.0) * kick if e < 1.0 else 0.0, rel=1e-9)
 
 
-def test_smoothed_rates_tend_to_those_with_signs_as_the_widths_vanish():
+def test_smoothed_rates_tend_to_unsmoothed_rates_as_the_widths_vanish():
     y, tau = jnp.array([0.05, -0.2, -0.07, 0.3]), 0.7
     signs = Linear(P).rates(y, 1.0, -1.0, np.sin(P.xi * tau))
     rates = (smoothed_rates(P, width, width)(tau, y, None) for width in (0.05, 0.02, 0.01, 0.001))

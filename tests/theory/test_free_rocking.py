@@ -28,14 +28,14 @@ def still(nu, mu, lam, xi):
 SIZES = jax.jit(lambda x: jnp.stack(free_motion(still(*x))[:2]))
 
 
-def test_free_motion_without_pendulum_has_the_closed_form():
+def test_free_rocking_without_pendulum_has_the_closed_form():
     for xi in (0.4, 1.0, 2.0, 6.0):
         expected = 0.2 * (1 - 1 / np.cosh(np.pi / (2 * xi)))
         assert float(free_motion(still(0.2, 0.0, 0.7, xi)).amplitude) == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("x", MOTIONS, ids=str)
-def test_the_motion_comes_back_mirrored_and_then_as_it_was(x):
+def test_free_rocking_is_mirrored_after_half_a_period(x):
     p = still(*x)
     found = free_motion(p)
     assert found.exists
@@ -47,7 +47,7 @@ def test_the_motion_comes_back_mirrored_and_then_as_it_was(x):
     np.testing.assert_allclose(seen[1, :2], 0.0, atol=1e-12)
 
 
-def test_a_free_motion_that_does_not_exist_cannot_be_followed():
+def test_a_free_motion_that_does_not_exist_cannot_be_simulated():
     """Above the frequency of the swinging mode the formula's block would start below its corner."""
     p = still(0.2, 0.1, 0.4, 2.0)
     found = free_motion(p)
@@ -73,14 +73,14 @@ def test_bob_and_block_resonate_at_odd_fractions_of_the_swinging_mode():
     assert low == pytest.approx(high, rel=1e-3)
 
 
-def test_away_from_resonance_one_harmonic_is_a_few_per_cent_above():
+def test_one_harmonic_overestimates_free_rocking_by_a_few_per_cent():
     for xi in (2.0, 3.0, 5.0):
         p = dataclasses.replace(still(0.2, 0.01, 1.0, xi), f=1e-9)
         assert 1.0 < float(one_harmonic_branches(p).amplitude[0] / free_motion(p).amplitude) < 1.06
 
 
 @pytest.mark.parametrize("x", MOTIONS, ids=str)
-def test_gradients_are_those_of_differences(x):
+def test_gradients_of_free_rocking_equal_finite_differences(x):
     slopes = jax.jit(jax.jacrev(SIZES))(jnp.array(x))
     for i, name in enumerate(NAMES):
         expected = differences(lambda x: np.asarray(SIZES(x)), x, i, share=1e-3)
@@ -114,7 +114,7 @@ def lost(mu, lam, phi, **losses):
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("phi", [0.02, 0.1])
-def test_the_equivalent_friction_takes_the_loss_of_the_impacts_of_a_free_cycle(case, phi):
+def test_the_equivalent_friction_loses_the_energy_of_the_impacts_of_a_cycle(case, phi):
     mu, lam = CASES[case]
     apart = []
     for e in (0.996, 0.998, 0.999):
@@ -125,13 +125,13 @@ def test_the_equivalent_friction_takes_the_loss_of_the_impacts_of_a_free_cycle(c
     np.testing.assert_allclose(np.array(apart[:-1]) / apart[1:], 2.0, atol=0.1)
 
 
-def test_the_equivalent_friction_without_pendulum_has_the_closed_form_and_vanishes_without_impact_loss():
+def test_the_equivalent_friction_without_pendulum_has_the_closed_form():
     p = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.1, xi=2.0, e=0.9)
     assert float(equivalent_friction(p, 0.1)) == pytest.approx((1 - 0.9**2) * (2 * 0.2 - 0.1) / 4, rel=1e-14)
     assert float(equivalent_friction(struck(0.1, 0.5, 0.0)[0], 0.1)) == 0.0
 
 
-def test_arrays_and_derivatives():
+def test_the_equivalent_friction_accepts_arrays_and_is_differentiable():
     p, _ = struck(0.1, 0.5, 0.0, e=0.9)
     phi = np.array([0.0, 0.1, 0.2])
     found = equivalent_friction(p, phi)
@@ -145,7 +145,7 @@ def test_arrays_and_derivatives():
     assert float(by_p.nu) == pytest.approx(0.19 * 2.2 / 4, rel=1e-12)
 
 
-def test_amplitudes_out_of_range_are_refused():
+def test_amplitudes_out_of_range_are_rejected():
     for amplitude, match in (
         (-0.1, "`amplitude` must be zero or positive, and finite, but is -0.1"),
         (np.nan, "`amplitude` must be zero or positive, and finite, but is nan"),
@@ -155,7 +155,7 @@ def test_amplitudes_out_of_range_are_refused():
             equivalent_friction(struck(0.0, 1.0, 0.0, e=0.9)[0], amplitude)
 
 
-def test_turns_of_free_rocking_are_those_of_the_exact_motion():
+def test_turning_tilts_of_free_rocking_equal_the_linear_model():
     p = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.0, k=0.02, f=0.0, xi=1.0, e=0.95)
     tilts, times = turning_tilts(0.2, 0.02, 0.95, 0.1, 4)
     seen = np.asarray(simulate(p, np.array([0.1, 0.0, 0.0, 0.0]), times).ys)

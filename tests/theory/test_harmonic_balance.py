@@ -26,7 +26,7 @@ SLOPES = jax.jit(jax.grad(lambda x: ONE(x).amplitude))
 
 
 @pytest.mark.parametrize("case", MOVING, ids=named)
-def test_one_harmonic_is_the_larger_root_a_little_above_the_exact_amplitude(case):
+def test_one_harmonic_overestimates_the_stable_amplitude_by_at_most_6_per_cent(case):
     estimate = ONE(np.array(case.x))
     assert estimate.exists
     assert 1.0 < float(estimate.amplitude) / exact(case.x, case.y0).amplitude < 1.06
@@ -35,11 +35,11 @@ def test_one_harmonic_is_the_larger_root_a_little_above_the_exact_amplitude(case
 
 
 @pytest.mark.parametrize("case", WITH, ids=named)
-def test_one_harmonic_knows_the_swing_too(case):
+def test_one_harmonic_gives_the_swing_within_ten_per_cent(case):
     assert float(ONE(np.array(case.x)).swing) == pytest.approx(exact(case.x).swing, rel=0.1)
 
 
-def test_without_enough_forcing_no_orbit_exists():
+def test_no_orbit_exists_below_a_smallest_forcing():
     weak = jnp.array((*WITH[0].x[:5], 0.01, *WITH[0].x[6:]))
     for found in (ONE(weak), one_harmonic_branches(parameters(weak)), parametric_branches(parameters(weak))):
         assert not np.any(found.exists)
@@ -75,7 +75,7 @@ def projected(p, phi, stroke_phasor, forcing, parametric):
 
 @pytest.mark.parametrize("parametric", [False, True])
 @pytest.mark.parametrize("case", MOVING, ids=named)
-def test_both_branches_satisfy_the_balance_taken_by_sampling_a_period(case, parametric):
+def test_both_branches_satisfy_the_numerical_harmonic_balance(case, parametric):
     p = parameters(case.x)
     found = parametric_branches(p) if parametric else one_harmonic_branches(p)
     assert found.exists[0]
@@ -89,7 +89,7 @@ def test_both_branches_satisfy_the_balance_taken_by_sampling_a_period(case, para
         assert abs(bob) == pytest.approx(float(found.swing[i]), rel=1e-12)
 
 
-def test_the_upper_branch_is_the_one_that_one_harmonic_gives():
+def test_the_upper_branch_equals_the_one_harmonic_solution():
     p = Parameters(**scenes(50))
     both, one = one_harmonic_branches(p), one_harmonic(p)
     assert 40 < int(one.exists.sum()) < 50
@@ -97,7 +97,7 @@ def test_the_upper_branch_is_the_one_that_one_harmonic_gives():
         np.testing.assert_array_equal(a[:, 0], b)
 
 
-def test_the_lower_branch_falls_with_the_forcing_and_ends_where_the_forcing_lifts_the_block_anyway():
+def test_the_lower_branch_falls_with_the_forcing_and_ends_at_uplift():
     def amplitude(f):
         return one_harmonic_branches(Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=f, xi=2.0))
 
@@ -108,7 +108,7 @@ def test_the_lower_branch_falls_with_the_forcing_and_ends_where_the_forcing_lift
     assert float(amplitude(edge * 0.999).amplitude[1]) < 1e-3
 
 
-def test_the_term_of_the_impacts_dissipates_what_the_impacts_dissipate():
+def test_the_impact_term_of_the_balance_dissipates_the_energy_of_impacts():
     """A tilt that is a parabola in time; the energies are those of the mass matrix of (25)."""
     e, phi = 0.7, 0.03
     p = Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.0, f=0.1, xi=3.0, e=e)
@@ -133,7 +133,7 @@ def test_the_term_of_the_impacts_dissipates_what_the_impacts_dissipate():
     assert whole.real == without.real
 
 
-def test_with_a_loss_at_impacts_the_upper_branch_is_near_the_exact_one():
+def test_the_upper_branch_with_impact_loss_is_near_the_linear_model():
     for e, median, number in ((0.95, 0.015, 284), (0.8, 0.01, 265), (0.5, 0.085, 215)):
         p = Parameters(**scenes(300, seed=5), e=e)
         balance, orbits = one_harmonic(p), orbits_of(p)
@@ -142,7 +142,7 @@ def test_with_a_loss_at_impacts_the_upper_branch_is_near_the_exact_one():
         assert np.nanmedian(np.abs(share - 1)) < median
 
 
-def test_without_friction_a_loss_at_impacts_sets_the_smallest_forcing():
+def test_without_friction_the_impact_loss_sets_the_smallest_forcing():
     def amplitude(e, f):
         p = Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.0, f=f, xi=3.0, e=e)
         return one_harmonic_branches(p), np.isfinite(orbits_of(p).amplitude).any()
@@ -170,9 +170,7 @@ FOLDS = (
 
 
 @pytest.mark.parametrize(("numbers", "forcing", "exact", "amplitude"), FOLDS)
-def test_both_branches_merge_in_the_fold_which_is_a_little_above_the_exact_fold(
-    numbers, forcing, exact, amplitude
-):
+def test_both_branches_merge_in_a_fold_slightly_above_the_exact_fold(numbers, forcing, exact, amplitude):
     found = fold(Parameters(**numbers, f=0.0))
     assert str(names_of(found.status)) == "near_fold"
     assert (float(found.f), float(found.amplitude)) == pytest.approx((forcing, amplitude), rel=2e-4)
@@ -192,7 +190,7 @@ def test_both_branches_merge_in_the_fold_which_is_a_little_above_the_exact_fold(
     assert 1.003 < forcing / high < 1.045
 
 
-def test_the_fold_is_near_the_exact_one_with_a_hinge_at_any_height():
+def test_the_fold_of_the_balance_is_near_the_exact_fold_at_any_hinge_height():
     numbers = FOLDS[2][0]
     forcings = []
     for kappa in (1.0, 1.5, 2.5):
@@ -205,7 +203,7 @@ def test_the_fold_is_near_the_exact_one_with_a_hinge_at_any_height():
     assert forcings == sorted(forcings)
 
 
-def test_gradients_of_the_fold_are_those_of_differences_and_a_batch_has_one_fold_each():
+def test_gradients_of_the_fold_equal_finite_differences():
     x = (0.2, 0.05, 0.8, 0.1, 0.03, 0.1, 3.0, 0.8, 0.9)
     both = jax.jit(lambda x: jnp.stack(fold(Parameters(**dict(zip(FOLD_NAMES, x, strict=True))))[:3]))
     slopes = jax.jit(jax.jacrev(both))(jnp.array(x))
@@ -259,14 +257,14 @@ def test_the_error_of_the_balance_is_within_its_bound(compared):
             assert np.all(np.isfinite(truth[sure]))
 
 
-def test_the_first_order_correction_leaves_a_tenth_of_the_error(compared):
+def test_the_first_order_correction_reduces_the_error_to_a_tenth(compared):
     truth, correction, _, _ = (x[:, 0] for x in compared)
     met = np.isfinite(truth)
     assert 0.01 < np.median(np.abs(truth[met])) < 0.03
     assert np.median(np.abs(truth - correction)[met]) < 0.1 * np.median(np.abs(truth[met]))
 
 
-def test_the_parametric_term_is_of_the_next_order_in_the_angles():
+def test_the_effect_of_the_parametric_term_falls_with_the_angles():
     def shift(s):
         p = Parameters(nu=0.2 * s, mu=0.1, lam=0.5, zeta=0.1, k=0.03 * s, f=0.3 * s, xi=2.5, rho=0.7)
         return float(parametric_branches(p).amplitude[0] / one_harmonic_branches(p).amplitude[0] - 1)
@@ -287,7 +285,7 @@ PAIRS_SLOPES = {name: jax.jit(jax.jacrev(form)) for name, form in PAIRS.items()}
 
 @pytest.mark.parametrize("form", PAIRS)
 @pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, (0.2, 0.02, 0.4, 0.2, 0.05, 0.1, 2.0)], ids=str)
-def test_gradients_of_both_branches_are_those_of_differences(form, x):
+def test_gradients_of_both_branches_equal_finite_differences(form, x):
     function = PAIRS[form]
     slopes = PAIRS_SLOPES[form](jnp.array(x))
     values = np.asarray(function(jnp.array(x)))
@@ -300,7 +298,7 @@ def test_gradients_of_both_branches_are_those_of_differences(form, x):
 
 
 @pytest.mark.parametrize("as_arrays", [False, True])
-def test_the_balance_in_resonance_without_damping_has_no_number_rather_than_zero(as_arrays):
+def test_the_balance_is_nan_at_undamped_resonance(as_arrays):
     kind = jnp.asarray if as_arrays else float
     sizes = {"nu": 0.25, "mu": 0.05, "lam": 1.0, "zeta": 0.0, "k": 0.05, "f": 0.1, "xi": 1.0, "rho": 1.0}
     found = one_harmonic(Parameters(**{name: kind(x) for name, x in sizes.items()}))

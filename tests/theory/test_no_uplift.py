@@ -45,7 +45,7 @@ def test_the_swing_of_an_undamped_bob_in_resonance_is_infinite():
     assert UPLIFT(x).swing < 100.0
 
 
-def test_the_margin_is_that_of_the_largest_moment_over_a_period():
+def test_the_uplift_margin_follows_from_the_largest_moment_of_a_period():
     """Of a held block whose bob has settled: R = (1 + 2 mu) phi - ..., integrated by nobody."""
     nu, mu, lam, zeta, k, f, xi = DAMPED
     rho = 0.75 / (1 + nu**2)
@@ -65,7 +65,7 @@ def test_a_block_within_its_margin_settles_at_rest_with_the_predicted_swing():
 
 
 @pytest.mark.parametrize("name", SLOPES)
-def test_gradients_are_those_of_differences(name):
+def test_gradients_of_margin_and_swing_equal_finite_differences(name):
     slopes = SLOPES[name](jnp.array(DAMPED))
     for i, axis in enumerate(NAMES[:7]):
         expected = differences(lambda x: float(getattr(UPLIFT(x), name)), DAMPED, i, share=3e-3)
@@ -80,7 +80,7 @@ def scene_of(seed: int) -> tuple[dict[str, float], float]:
 
 
 @pytest.mark.parametrize("kappa", [1.0, 2.0, 2.5])
-def test_the_lightest_pendulum_is_at_the_margin_and_no_other_undamped_pendulum_is_lighter(kappa):
+def test_no_undamped_pendulum_is_lighter_than_the_lightest_pendulum(kappa):
     for seed in range(20):
         numbers, swing = scene_of(seed)
         numbers["kappa"] = kappa
@@ -93,7 +93,7 @@ def test_the_lightest_pendulum_is_at_the_margin_and_no_other_undamped_pendulum_i
         assert np.all((others.margin < 0) | (others.swing > swing))
 
 
-def test_the_lightest_pendulum_in_si_units_and_without_need():
+def test_the_lightest_pendulum_has_mass_zero_if_none_is_needed():
     block, motion = Block(width=1.0, height=4.0, mass=1000.0), Harmonic(amplitude=0.04, frequency=1.5)
     scene = Scene(block, motion)
     law = lightest_pendulum(scene.parameters(), 0.3)
@@ -132,19 +132,19 @@ def test_the_law_of_no_uplift_is_exact_after_a_gradual_start_of_the_linear_equat
     assert outcomes_after(10, 0.9, Piecewise())["stood"] == 0
 
 
-def test_the_law_of_no_uplift_is_useless_after_a_sudden_start():
+def test_the_law_of_no_uplift_fails_after_a_sudden_start():
     for share in (1.1, 1.5):
         found = outcomes_after(0, share, Piecewise())
         assert found["stood"] == 0
         assert found["overturned"] >= 3
 
 
-def test_the_nonlinear_equations_need_half_as_much_mass_again_after_a_gradual_start():
+def test_the_nonlinear_model_needs_up_to_50_per_cent_more_mass_than_the_law_of_no_uplift():
     assert outcomes_after(10, 1.1, Nonlinear())["stood"] <= 1
     assert 7 <= outcomes_after(10, 1.5, Nonlinear())["stood"] < 12
 
 
-def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
+def test_the_condition_nearest_to_uplift_determines_the_margin():
     found = AtRest.of(np.array([0.2, 0.2, 0.3]), 0.05, np.array([-0.4, 0.1, 0.49]), base_friction=0.24)
     assert (found.uplift, found.peak) == pytest.approx((0.25, 0.4))
     assert found.margin == pytest.approx(0.625)
@@ -159,7 +159,7 @@ def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
     assert "the excitation reaches" in AtRest(0.25, 0.1, None, 0.1).lifting_in_words
 
 
-def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
+def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_can_slide():
     for peak, has_hint in ((0.2, False), (0.4, True)):
         words = AtRest.of(0.5, 0.0, peak).sliding_in_words
         assert words.startswith(
@@ -168,7 +168,7 @@ def test_a_base_of_unknown_friction_gets_a_hint_if_a_dry_base_may_slide():
         assert words.endswith("A dry base may have only 0.3: state `base_friction`") is has_hint
 
 
-def test_compared_numbers_have_the_digits_that_distinguish_them():
+def test_compared_accelerations_are_printed_with_enough_digits_to_differ():
     found = AtRest.of(0.3056, 0.0, 0.3055, base_friction=0.3054)
     assert (
         found.sliding_in_words == "at 0.3054 g, BEFORE UPLIFT: a coefficient of friction of 0.3055 is needed"
@@ -179,7 +179,7 @@ def test_compared_numbers_have_the_digits_that_distinguish_them():
     assert "0.3056 is needed, the base has 0.3057" in AtRest.of(0.3056, 0.0, 0.4, 0.3057).sliding_in_words
 
 
-def test_the_friction_of_the_runs_is_compared_with_that_of_the_base():
+def test_the_needed_friction_of_the_runs_is_compared_with_the_base():
     needed = {"without a pendulum": 0.34033, "with the pendulum": 0.335}
     both = "the base needs a coefficient of friction of 0.3403 without a pendulum and 0.335 with the pendulum"
     assert sliding_in_runs(needed, None) == f"While the block rocks from rest, {both} (linear equations)."

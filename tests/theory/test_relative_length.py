@@ -11,7 +11,7 @@ from tpd.scene.scene import Block
 from tpd.theory import relative_length
 
 
-def test_the_relative_length_is_the_square_of_the_ratio_of_both_periods():
+def test_the_relative_length_is_the_squared_ratio_of_the_periods():
     length, frequency = 1.2, 0.8
     expected = (2 * np.pi * np.sqrt(length / 9.80665) * frequency) ** 2
     for excitation in (
