@@ -73,7 +73,7 @@ def test_the_event_is_the_first_zero_of_tilt_or_rate():
     assert min(met.values()) > 5
 
 
-def test_two_close_zeros_of_the_rate_are_found_by_the_event_search():
+def test_the_event_search_detects_two_close_zeros_of_the_rate():
     # A block that all but turns as it falls: its rate is 1e-7 beyond zero at most, for some 1e-3 of time.
     x, mode, end = np.array([0.2, 0.0, 0.4, 0.2, 0.03, 0.7, 3.0]), (0.0, 1.0, -1.0), 0.9
     plants, begin = plants_of(x[None]), (1.5 * np.pi - 0.4) / 3.0

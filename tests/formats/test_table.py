@@ -502,7 +502,7 @@ def test_separators_of_thousands_are_rejected(text, tmp_path):
     assert read(tmp_path, "t (s);a (mg)\n0,000;12\n0,005;1,219\n0,010;-345\n").dt == 0.005
 
 
-def test_the_first_column_of_the_option_must_be_time(tmp_path):
+def test_the_option_columns_must_name_times_before_values(tmp_path):
     text = in_table(columns=1)
     with pytest.raises(ValueError, match="`columns` must contain names of times"):
         found(tmp_path, text, columns={"a (g)": 1, "T (s)": 2})
