@@ -239,7 +239,7 @@ def test_every_name_of_the_package_in_text_exists():
     assert not found, "\n".join(found)
 
 
-def test_the_rules_find_what_they_are_for():
+def test_each_rule_detects_an_example():
     assert exists("tpd.Block.width")
     assert exists("tpd.theory.uplift")
     assert not exists("tpd.Margins")

@@ -15,7 +15,7 @@ def names_in(path):
 
 
 @pytest.mark.parametrize("guard", GUARDS, ids=[f"{g.place} {i}" for i, g in enumerate(GUARDS)])
-def test_every_guard_can_be_taken_out_and_has_tests(guard):
+def test_every_guard_can_be_removed_and_has_tests(guard):
     ast.parse(guard.taken_from((ROOT / guard.path).read_text(encoding="utf-8")))
     assert guard.tests
     for test in guard.tests:
@@ -23,7 +23,7 @@ def test_every_guard_can_be_taken_out_and_has_tests(guard):
         assert name.partition("[")[0] in names_in(path)
 
 
-def test_a_guard_that_is_gone_is_an_error():
+def test_a_missing_guard_is_an_error():
     source = "def f(a, b):\n    usable = a & ~b\n    return usable\n"
     assert "usable = a\n" in mutated(source, "f", without_term("usable", "b"))
     with pytest.raises(ValueError, match="was not found"):
@@ -32,7 +32,7 @@ def test_a_guard_that_is_gone_is_an_error():
         mutated(source, "g", never("failed"))
 
 
-def test_a_mutation_changes_one_expression_and_no_number_of_a_line():
+def test_a_mutation_changes_one_expression_and_no_line_number():
     module = "theory/no_uplift"
     before = places(module)[0].path.read_bytes()
     changed = {place.text() for place in places(module)}
@@ -42,6 +42,6 @@ def test_a_mutation_changes_one_expression_and_no_number_of_a_line():
         assert ast.dump(ast.parse(text)) != ast.dump(ast.parse(before))
 
 
-def test_every_mutation_without_effect_is_at_a_place_that_exists():
+def test_every_mutation_without_effect_exists():
     for module, line, change in EQUIVALENT:
         assert any((place.line, place.change) == (line, change) for place in places(module)), change

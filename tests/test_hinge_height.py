@@ -41,13 +41,13 @@ def amplitude(kappa: Any, model: Any = None, **changed: Any) -> Any:
     ("kappa", "linear", "nonlinear"),
     [(1.0, 0.05522386, 0.05547106), (2.0, 0.05615304, 0.05628076), (2.5, np.inf, np.inf)],
 )
-def test_settled_amplitudes_are_those_of_two_other_codes(kappa, linear, nonlinear):
+def test_settled_amplitudes_agree_with_two_independent_codes(kappa, linear, nonlinear):
     assert float(amplitude(kappa).amplitude) == pytest.approx(linear, rel=2e-7)
     assert float(amplitude(kappa, tpd.Nonlinear()).amplitude) == pytest.approx(nonlinear, rel=2e-7)
 
 
 @pytest.mark.parametrize(("kappa", "known"), [(1.0, 3.29065), (2.0, 6.536614)])
-def test_the_first_critical_scale_is_that_of_two_other_codes(kappa, known):
+def test_the_first_critical_scale_agrees_with_two_independent_codes(kappa, known):
     pieces = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0).pieces()
     p = tpd.Parameters(
         nu=0.25, mu=0.05, lam=0.3, zeta=0.1, k=0.0, f=0.25, xi=5.0 * len(pieces), rho=1.0, e=0.9, kappa=kappa
@@ -56,7 +56,7 @@ def test_the_first_critical_scale_is_that_of_two_other_codes(kappa, known):
     assert tongues[0, 0] == pytest.approx(known, rel=1e-6)
 
 
-def test_an_impact_with_a_swinging_bob_is_that_of_another_code():
+def test_an_impact_with_a_swinging_bob_agrees_with_an_independent_code():
     nu, mu, lam, rho, kappa, psi = 0.25, 0.1, 0.4, 0.75 / (1.0 + 0.25**2), 1.2, 0.4
     e = impacts.housner(nu, rho, mu)
     law = e, nu, mu, lam, rho, kappa, 1.0, np.sin(psi), np.cos(psi)
@@ -71,7 +71,7 @@ def test_an_impact_with_a_swinging_bob_is_that_of_another_code():
     ("hinge", "linear", "nonlinear"),
     [(None, 0.034361, 0.032657), (6.0, 0.034361, 0.032657), (3.0, 0.032111, 0.032255)],
 )
-def test_a_column_under_el_centro_tilts_as_in_two_other_codes(hinge, linear, nonlinear):
+def test_the_tilt_under_el_centro_agrees_with_two_independent_codes(hinge, linear, nonlinear):
     scene = tpd.Scene(COLUMN, tpd.records.el_centro().scaled(1.155))
     pendulum = tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129, hinge_height=hinge)
     for model, known in ((tpd.Piecewise(), linear), (tpd.Nonlinear(), nonlinear)):
@@ -80,7 +80,7 @@ def test_a_column_under_el_centro_tilts_as_in_two_other_codes(hinge, linear, non
 
 @pytest.mark.parametrize("nonlinear", [False, True])
 @pytest.mark.parametrize("kappa", [0.8, 3.1])
-def test_states_are_those_of_an_integration_from_event_to_event(kappa, nonlinear):
+def test_states_agree_with_an_integration_from_event_to_event(kappa, nonlinear):
     x, y0, times = (
         [0.23, 0.17, 0.6, 0.15, 0.04, 0.35, 2.3, 0.9],
         [0.08, -0.1, 0.0, 0.2],
@@ -113,7 +113,7 @@ def slope_and_difference(function: Any, kappa: float, h: float) -> tuple[Any, An
         (tpd.Smoothed(terms=tpd.Terms.nonlinear), {"k": 0.05, "e": 1.0}, 1e-5),
     ],
 )
-def test_the_derivative_of_a_settled_motion_is_that_of_differences(model, changed, tolerance):
+def test_the_derivative_of_a_settled_motion_equals_differences(model, changed, tolerance):
     def sizes(kappa):
         steady = amplitude(kappa, model, **changed)
         return jnp.stack([steady.amplitude, steady.swing, *steady.state])
@@ -122,11 +122,11 @@ def test_the_derivative_of_a_settled_motion_is_that_of_differences(model, change
     np.testing.assert_allclose(slope, difference, rtol=tolerance, atol=tolerance)
 
 
-def test_the_nonlinear_equations_have_no_derivative_in_the_height_either():
+def test_nonlinear_derivatives_in_the_hinge_height_are_nan():
     assert np.isnan(jax.grad(lambda kappa: amplitude(kappa, tpd.Nonlinear()).amplitude)(1.3))
 
 
-def test_derivatives_of_orbits_trajectories_balances_and_margins_are_those_of_differences():
+def test_derivatives_in_the_hinge_height_equal_differences():
     p = tpd.Parameters(**BASE | {"k": 0.05}, kappa=1.3)
     start = tpd.steady_state(p).state
     at = lambda kappa: dataclasses.replace(p, kappa=kappa)  # noqa: E731
@@ -148,7 +148,7 @@ def test_derivatives_of_orbits_trajectories_balances_and_margins_are_those_of_di
         assert np.any(np.abs(difference) > 1e-6), name
 
 
-def test_derivatives_under_a_record_and_of_a_critical_scale_are_those_of_differences():
+def test_derivatives_under_a_record_equal_differences():
     scene = tpd.Scene(COLUMN, tpd.records.el_centro().scaled(1.155))
     pulse = tpd.Scene(COLUMN, tpd.Pulse.one_sine(frequency=1.2375, acceleration=9.80665 / 6.0))
 
@@ -172,6 +172,6 @@ def test_the_static_limit_falls_with_the_height_of_the_hinge():
 
 
 @pytest.mark.parametrize("kappa", [0.0, -1.0, 4.01])
-def test_a_hinge_at_the_base_or_above_twice_the_height_is_refused(kappa):
+def test_a_hinge_at_the_base_or_above_twice_the_height_is_rejected(kappa):
     with pytest.raises(ValueError, match=r"`kappa` must be .*, but is"):
         tpd.Parameters(**BASE, kappa=kappa)

@@ -61,12 +61,12 @@ def folder(module: str) -> str:
     return parts[1] if len(parts) > 1 and parts[1] in LAYERS else "tpd"
 
 
-def test_no_import_cycle():
+def test_there_is_no_import_cycle():
     # Imports within functions and those for type checkers count.
     longest_chain(NOW.graph)
 
 
-def test_a_cycle_is_an_error():
+def test_an_import_cycle_is_detected():
     with pytest.raises(ValueError, match="a -> b -> a"):
         longest_chain({"a": {"b"}, "b": {"a"}})
 
@@ -82,7 +82,7 @@ def test_a_folder_imports_only_from_those_before_it():
 
 
 @pytest.mark.parametrize("layer", ["answers", "design"])
-def test_results_import_neither_plots_nor_reports_also_not_by_name(layer):
+def test_results_do_not_import_plots_or_reports(layer):
     for name, path in MODULES.items():
         if folder(name) == layer:
             above = {folder(other) for other in NOW.imports_of(name)} & {"plots", "report", "cli"}
@@ -95,7 +95,7 @@ def test_every_folder_is_a_layer():
     assert folders <= set(LAYERS)
 
 
-def test_no_measure_gets_worse():
+def test_no_measure_of_the_code_gets_worse():
     base = base_commit()
     if not base:
         pytest.skip("there is no history of an earlier day, with which this version could be compared")
@@ -104,7 +104,7 @@ def test_no_measure_gets_worse():
     assert not found, "the message of a commit may state the cost of a feature, see contributing.md"
 
 
-def test_only_a_stated_cost_lets_a_size_grow():
+def test_a_size_can_grow_only_by_a_stated_cost():
     before = {"code lines": 100.0, "columns by number": 5.0, COMMENTS: 10.0}
     now = {"code lines": 110.0, "columns by number": 6.0, COMMENTS: 9.0}
     structure = ["columns by number: 6, 5 before", f"{COMMENTS}: 9, 10 before"]
@@ -119,7 +119,7 @@ def test_only_a_stated_cost_lets_a_size_grow():
             stated_costs(wrong)
 
 
-def test_private_names_count_outside_a_try_with_a_fallback():
+def test_private_names_of_libraries_are_counted_without_a_fallback():
     text = """
 from argparse import _HelpAction
 from numba.core import caching
@@ -171,7 +171,7 @@ def asks_by_stand_in(node: ast.AST) -> bool:
     return any(name.endswith(("conditions.motions", ".groups", ".levels")) for name in names)
 
 
-def test_classes_of_problems_answer_what_differs_between_excitations():
+def test_problem_classes_define_everything_that_depends_on_the_excitation():
     # The two problems themselves are where the kinds differ.
     paths = [path for name, path in MODULES.items() if folder(name) in ASKING]
     trees = [tree(path) for path in paths if path.stem not in ("harmonic", "ground_motion")]
@@ -225,7 +225,7 @@ def test_names_at_the_top_are_few_and_each_has_a_module():
             assert node.module is None or getattr(tpd, alias.name) is vars(import_module(home))[alias.name]
 
 
-def test_a_misspelt_name_at_the_top_is_an_error_that_names_it():
+def test_a_misspelt_public_name_is_an_error_with_a_hint():
     with pytest.raises(AttributeError, match="No tpd attribute optimize") as refused:
         _ = tpd.optimize
     assert refused.value.name == "optimize", "Python suggests a similar name"

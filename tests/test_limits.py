@@ -90,7 +90,7 @@ def sizes(limit, design, geometry):
 @pytest.mark.parametrize(
     "limit", [*ONE_OF_EACH, *(tpd.limits.Clearance(bob) for bob in CYLINDERS)], ids=lambda limit: limit.name
 )
-def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
+def test_derivatives_of_a_limit_equal_finite_differences(limit, design, geometry):
     here = sizes(limit, design, geometry)
     for name, size in here.items():
         for axis in range(3):
@@ -101,7 +101,7 @@ def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
     assert here
 
 
-def test_limits_on_angles_have_the_stated_size(geometry):
+def test_a_limit_on_an_angle_is_the_angle_divided_by_its_bound(geometry):
     e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
     np.testing.assert_allclose(geometry.slenderness, nu)
     swing, relative, tilt, _, _, _, _, multiplier, reserve = (
@@ -117,7 +117,7 @@ def test_limits_on_angles_have_the_stated_size(geometry):
 
 
 @pytest.mark.parametrize("bob", [Bob(), *CYLINDERS], ids=str)
-def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
+def test_limits_on_clearance_use_the_bob_on_its_rod(geometry, bob):
     with_it = SCENE.pendulum(mass_ratio=LONG[0], length_ratio=LONG[1], damping_ratio=LONG[2])
     e = evaluation(LONG)
     offset = sizes(tpd.limits.Offset(0.03), LONG, geometry)["offset"].value
@@ -157,7 +157,7 @@ def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
     np.testing.assert_allclose(size.slope[..., [0, 2]], 0.0)
 
 
-def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
+def test_a_bob_without_mass_has_finite_clearance_and_derivatives(geometry):
     e = evaluation(DESIGN)._replace(design=np.array([[0.0, 0.26, 0.35]]))
     for limit in (tpd.limits.Clearance(), tpd.limits.Clearance(CYLINDERS[1]), tpd.limits.Offset(0.03)):
         for size in evaluate_sizes([limit], e, geometry, slopes=True):
@@ -167,7 +167,7 @@ def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
                 np.testing.assert_array_equal(size.value, 0.0)
 
 
-def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
+def test_limits_have_the_order_of_a_report():
     assert check_limits(reversed(ONE_OF_EACH)) == ONE_OF_EACH
     assert [type(x) for x in ONE_OF_EACH] == list(LIMIT_KINDS)
     assert limit_of(ONE_OF_EACH, tpd.limits.Tilt) == tpd.limits.Tilt(0.5)
@@ -177,7 +177,7 @@ def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"worsening", "multiplier", "reserve"}
 
 
-def test_a_search_keeps_the_limit_of_a_user_and_reduces_the_objective_of_a_user():
+def test_a_search_keeps_a_user_limit_and_minimises_a_user_objective():
     own = Lighter(1.0)
     limits = check_limits((own, tpd.limits.Stroke(1.5)))
     assert limits == (tpd.limits.Stroke(1.5), own)
@@ -194,7 +194,7 @@ def test_a_search_keeps_the_limit_of_a_user_and_reduces_the_objective_of_a_user(
     assert ends["swing"].swing.min() < ends["tilt"].swing.min()
 
 
-def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():
+def test_the_default_required_reduction_is_ten_per_cent():
     requirements = Requirements()
     assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
     assert (requirements.reduce, Requirements(reduce="tilt").reduce) == (None, "tilt")
@@ -217,12 +217,12 @@ def test_by_default_a_tenth_is_required_and_shares_are_between_zero_and_one():
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
     ],
 )
-def test_a_wrong_limit_is_rejected(make, message):
+def test_a_limit_out_of_range_is_rejected(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
 
-def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
+def test_a_limit_on_the_mass_applies_to_the_bob_as_built(geometry):
     design, mass = np.array([0.15, 0.6, 0.35]), 0.15 * SCENE.block.mass
     body, _ = Bob().built(mass, 0.6 * SCENE.block.half_height, float(SCENE.gravity))
     (size,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(design), geometry, slopes=True)
@@ -239,7 +239,7 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     np.testing.assert_allclose(size.value, 0.15 * SCENE.block.mass / 2.0)
 
 
-def test_a_bob_has_room_below_its_hinge_and_only_if_a_body_swings_as_the_point_does(geometry):
+def test_a_bob_without_an_equivalent_body_exceeds_its_limits(geometry):
     """A disc that turns with its rod has so large a moment of inertia that no thin one acts as the point."""
     disc, design = Bob(shape="cylinder", aspect=0.1), np.array([0.19, 0.3, 0.35])
     mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.half_height))

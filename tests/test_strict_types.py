@@ -41,6 +41,6 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_the_package_computes_if_jax_is_strict_about_types(name):
+def test_every_call_is_possible_with_strict_type_promotion_of_jax(name):
     with jax.numpy_dtype_promotion("strict"):
         CALLS[name]()

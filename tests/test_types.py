@@ -79,12 +79,12 @@ def errors(tmp_path_factory):
     return {name: [d["range"]["start"]["line"] for d in found] for name, found in by_file.items()}
 
 
-def test_a_right_script_passes(errors):
+def test_a_correct_script_passes_the_type_checker(errors):
     assert errors["right"] == []
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_misspelt_one_is_refused_where_it_is(errors, name):
+def test_the_type_checker_reports_the_line_of_a_mistake(errors, name):
     line = SCRIPT[: SCRIPT.index(WRONG[name][0])].count("\n")
     # An option that stands in two lines is refused in the second.
     assert any(found - line in (0, 1) for found in errors[name]), errors[name]

@@ -48,7 +48,7 @@ def exact(scene: tpd.Scene, names: list[str], points: np.ndarray) -> np.ndarray:
 
 @needs_node
 @pytest.mark.parametrize("name", SCENES)
-def test_the_bound_of_the_interpolation_error_holds(name):
+def test_the_interpolation_error_is_within_its_estimate(name):
     scene, rng = SCENES[name], np.random.default_rng(0)
     table = content(scene)["tables"]["grid"]
     axes = table["axes"]
@@ -93,7 +93,7 @@ def small() -> Table:
 
 
 @needs_node
-def test_on_a_node_the_value_is_exact(small):
+def test_the_table_is_exact_at_its_nodes(small):
     nodes = np.array(list(itertools.product(*(a.values for a in small.axes))))
     answers = look_up(small.encoded(), nodes)
     for (tilt, _), value in zip(answers, small.fields["tilt"].ravel(), strict=True):
@@ -105,7 +105,7 @@ def test_on_a_node_the_value_is_exact(small):
 
 
 @needs_node
-def test_between_nodes_of_different_kinds_there_is_no_value(small):
+def test_the_table_has_no_value_between_rocking_and_resting_nodes(small):
     values = small.fields["tilt"]
     assert 0.02 < np.isnan(values).mean() < 0.98, "the table has nodes of both kinds"
     i, j, k = next(
@@ -120,7 +120,7 @@ def test_between_nodes_of_different_kinds_there_is_no_value(small):
 
 
 @needs_node
-def test_outside_of_the_table_there_is_no_value(small):
+def test_the_table_has_no_value_outside_its_range(small):
     inside = [float(np.sqrt(a.values[0] * a.values[-1])) for a in small.axes]
     for n, beyond in itertools.product(range(3), (0, -1)):
         point = [*inside]

@@ -122,7 +122,7 @@ def tilt_now(window: Browser) -> float:
     return float(exact(CHIMNEY, NAMES, np.array([[state[name] for name in CONTROLS]]))[0, 0])
 
 
-def test_first_values_are_exact(show):
+def test_the_first_values_of_the_page_are_exact(show):
     window = show("chimney")
     value, source = row(window, "tilt")
     assert source == "exact"
@@ -143,7 +143,7 @@ def results_of_runs(window: Browser) -> str:
     return said
 
 
-def test_the_share_of_runs_that_overturn_is_that_of_the_package(show):
+def test_the_share_of_overturned_runs_equals_the_package(show):
     window = show("chimney")
     problem = problem_of(CHIMNEY)
     ensemble = replace(problem.ensemble, size=100)
@@ -180,7 +180,7 @@ def test_the_page_stays_responsive_while_runs_are_simulated(show):
     assert results_of_runs(window)
 
 
-def test_the_map_of_shares_has_a_description_and_holds_for_the_first_values(show):
+def test_the_map_of_shares_has_a_description_and_the_stated_values(show):
     window = show("chimney")
     text = "document.getElementById('shares-text').textContent"
     assert window.run("document.getElementById('shares').getAttribute('aria-describedby')") == "shares-text"
@@ -198,7 +198,7 @@ def test_the_map_of_shares_has_a_description_and_holds_for_the_first_values(show
     assert "counts as overturned if the tilt passes the toppling angle" in words
 
 
-def test_colours_follow_the_scheme_of_the_reader_and_figures_stay_white(show):
+def test_colours_follow_the_colour_scheme_and_figures_stay_white(show):
     window = show("chimney")
     for scheme, dark in (("light", False), ("dark", True)):
         features = [{"name": "prefers-color-scheme", "value": scheme}]
@@ -211,7 +211,7 @@ def test_colours_follow_the_scheme_of_the_reader_and_figures_stay_white(show):
     window.ask("Emulation.setEmulatedMedia", features=[])
 
 
-def test_a_slider_moves_the_values_and_their_source(show):
+def test_a_slider_changes_the_values_and_their_source(show):
     window = show("chimney")
     before = row(window, "tilt")
     mass, length = (move(window, name, place) for name, place in (("mass", 640), ("length", 320)))
@@ -226,7 +226,7 @@ def test_a_slider_moves_the_values_and_their_source(show):
     assert not window.errors
 
 
-def test_every_control_changes_the_answer_and_can_be_reset(show):
+def test_every_control_changes_a_result_and_can_be_reset(show):
     window = show("chimney")
     first = {name: row(window, name) for name in ("tilt", "swing", "largest")}
     for name in CONTROLS:
@@ -236,7 +236,7 @@ def test_every_control_changes_the_answer_and_can_be_reset(show):
         assert {n: row(window, n) for n in first} == first, name
 
 
-def test_a_number_out_of_range_is_moved_into_it_with_a_notice(show):
+def test_a_number_out_of_range_is_set_to_the_bound_with_a_notice(show):
     window = show("chimney")
     low, high = (window.run(f"tpdPage.control('mass').{end}") for end in ("low", "high"))
     assert notice(window) == ""
@@ -263,7 +263,7 @@ def test_arrow_keys_move_a_slider(show):
     assert row(window, "tilt")[1] == "interpolated"
 
 
-def test_a_limit_that_is_exceeded_is_named_for_eyes_and_ears(show):
+def test_an_exceeded_limit_is_visible_and_announced_to_screen_readers(show):
     window = show("chimney")
     type_in(window, "mass", "1500")
     type_in(window, "length", "0.6")
@@ -273,7 +273,7 @@ def test_a_limit_that_is_exceeded_is_named_for_eyes_and_ears(show):
     assert re.search("Limits exceeded: .*thickness", status(window))
 
 
-def test_where_nodes_differ_in_kind_no_number_is_shown(show):
+def test_no_number_is_shown_between_nodes_of_different_kinds(show):
     window = show("chimney")
     for name, place in (("damping", 10), ("mass", 950), ("frequency", 240)):
         move(window, name, place)
@@ -289,7 +289,7 @@ def test_where_nodes_differ_in_kind_no_number_is_shown(show):
     assert "not interpolated" in found
 
 
-def test_stored_runs_hold_near_their_design_only(show):
+def test_stored_runs_are_shown_only_near_their_design(show):
     window = show("design")
     value, source = row(window, "overturned")
     assert source.startswith("validation runs: ")
@@ -322,7 +322,7 @@ def test_a_click_into_the_map_sets_mass_and_length(show):
         assert window.run(f"tpdPage.state.{name}") == pytest.approx((low * high) ** 0.5, rel=0.02)
 
 
-def test_the_block_rocks_pauses_and_starts_with_a_tilt(show):
+def test_the_animation_rocks_pauses_and_restarts_from_a_tilt(show):
     window = show("chimney")
     time.sleep(0.8)
     assert window.run("tpdPage.frames()") > 5
@@ -339,7 +339,7 @@ def test_the_block_rocks_pauses_and_starts_with_a_tilt(show):
     assert not window.errors
 
 
-def test_everything_has_a_label(show):
+def test_every_control_has_an_accessible_label(show):
     window = show("design")
     roles = {"slider", "spinbutton", "button", "combobox", "image", "table", "img"}
     nodes = window.ask("Accessibility.getFullAXTree")["nodes"]
@@ -353,7 +353,7 @@ def test_everything_has_a_label(show):
     assert len([role for role, _ in found if role == "slider"]) == 5
 
 
-def test_a_narrow_screen_needs_no_scrolling_to_the_side(show):
+def test_a_narrow_screen_needs_no_horizontal_scrolling(show):
     for width in (400, 1280):
         window = show("design", width)
         assert window.run("document.documentElement.scrollWidth") <= width
@@ -413,7 +413,7 @@ def test_a_weak_ground_motion_does_not_lift_the_block(window, tmp_path):
     assert "cosine, condition 1 of 1, peak 0.6 m/s²" in window.run("document.body.textContent")
 
 
-def test_limits_under_a_ground_motion_are_those_of_the_motion_that_the_page_shows(window, tmp_path):
+def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_path):
     job = job_of({"block": BLOCK, "excitation": COSINE, "limits": {"stroke": 0.05}})
     window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
     scene, pendulum = tpd.Scene(job.block, job.shaking), pendulum_of(window)
@@ -430,7 +430,7 @@ def test_limits_under_a_ground_motion_are_those_of_the_motion_that_the_page_show
     assert "Limits exceeded: " in status(window)
 
 
-def test_the_outcome_comes_first_in_the_status_line(window, tmp_path):
+def test_the_status_line_begins_with_the_outcome(window, tmp_path):
     scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=0.15, frequency=0.9))
     window.open(tpd.explore(scene).write(tmp_path / "chimney.html"))
     said = status(window)
@@ -455,7 +455,7 @@ def test_a_block_that_overturns_after_21_periods_overturns_on_the_page(window, t
     assert source == "simulated in the browser, 100 periods, 111 s"
 
 
-def test_the_worsening_is_shown_as_the_change_of_the_tilt(show):
+def test_the_limit_on_worsening_is_printed_as_a_change_of_the_tilt(show):
     window = show("chimney")
     points = np.array([[window.run(f"tpdPage.state.{name}") for name in CONTROLS]])
     without = points * [0.0, 1.0, 1.0, 1.0, 1.0]
@@ -466,7 +466,7 @@ def test_the_worsening_is_shown_as_the_change_of_the_tilt(show):
     assert float(size) * (1 if words == "more" else -1) == pytest.approx(change, abs=0.06)
 
 
-def test_no_value_of_the_page_is_unknown(show):
+def test_no_value_of_the_page_is_nan(show):
     window = show("chimney")
     for mass, length, damping in itertools.product((0, 500, 1000), (0, 340, 1000), (0, 600)):
         for name, place in (("mass", mass), ("length", length), ("damping", damping)):
@@ -497,7 +497,7 @@ def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
     assert "Steady-state tilt 0 with your pendulum" in status(window)
 
 
-def test_a_click_beside_the_axes_of_the_map_changes_nothing(show):
+def test_a_click_outside_the_axes_of_the_map_does_not_change_the_pendulum(show):
     window = show("chimney")
     before = window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")
     window.run(
@@ -507,7 +507,7 @@ def test_a_click_beside_the_axes_of_the_map_changes_nothing(show):
     assert (window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")) == before
 
 
-def test_the_page_needs_no_network_and_is_small(pages):
+def test_the_page_loads_no_external_file_and_is_below_two_megabytes(pages):
     for page in pages.values():
         text = page.read_text(encoding="utf-8")
         assert len(text) < 2_000_000

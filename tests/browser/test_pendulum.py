@@ -41,7 +41,7 @@ def named(pendulum) -> dict[str, float]:
 
 @needs_node
 @pytest.mark.parametrize("pendulum", [None, *PENDULUMS[:3]])
-def test_parameters_and_margin_of_uplift(pendulum):
+def test_parameters_and_uplift_margin_equal_the_package(pendulum):
     own = (
         None
         if pendulum is None
@@ -65,7 +65,7 @@ def test_parameters_and_margin_of_uplift(pendulum):
     "bob", [tpd.limits.Bob(), tpd.limits.Bob(shape="cylinder", aspect=1.5, density=2400.0)]
 )
 @pytest.mark.parametrize("pendulum", PENDULUMS)
-def test_the_limits_are_those_of_the_search(pendulum, bob):
+def test_limits_on_the_page_equal_those_of_the_search(pendulum, bob):
     limits = (*ALL, tpd.limits.Clearance(bob))
     tilt, swing, without = 0.2, 0.35, 0.24
     geometry = Geometry.of(SCENE, Conditions.exactly(), bob)
@@ -87,7 +87,7 @@ def test_the_limits_are_those_of_the_search(pendulum, bob):
 
 
 @needs_node
-def test_without_a_steady_motion_only_the_bob_at_rest_counts():
+def test_without_a_steady_state_only_limits_on_the_bob_at_rest_apply():
     values = {"stroke": 0.4, "clearance": True, "mass": 700.0}
     inputs = [block(), values, named(PENDULUMS[0]), None]
     shares = run("pendulum", "limitShares", "(x) => limitShares(...x)", inputs)
@@ -96,6 +96,6 @@ def test_without_a_steady_motion_only_the_bob_at_rest_counts():
     assert shares[-1]["share"] == pytest.approx(float(tpd.limits.Bob().radius(body)) / 0.45)
 
 
-def test_the_content_has_the_block_that_these_tests_use():
+def test_the_content_of_the_page_has_the_block_of_these_tests():
     made = content(SCENE)["scene"]
     assert made == block()

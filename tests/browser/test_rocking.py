@@ -71,7 +71,7 @@ RUNS = """({ p, scatter, isHousner, periods }) => scatter.phase.map((_, n) => {
 
 @needs_node
 @pytest.mark.parametrize("restitution", ["housner", 0.95])
-def test_runs_overturn_as_in_the_package(restitution):
+def test_runs_in_the_browser_overturn_as_in_the_package(restitution):
     block = tpd.Block(width=1.3, height=10.0, mass=16280.0, restitution=restitution, cavity_width=0.9)
     problem = problem_of(tpd.Scene(block, tpd.Harmonic(amplitude=0.081, frequency=0.85)))
     pendulum = tpd.Pendulum(mass=400.0, length=0.7, damping_ratio=0.2)
@@ -106,7 +106,7 @@ def plain(p: tpd.Parameters) -> dict[str, float]:
 
 @needs_node
 @pytest.mark.parametrize("scene", SCENES)
-def test_motions_agree_with_the_nonlinear_model_over_ten_periods(scene):
+def test_motions_in_the_browser_agree_with_the_nonlinear_model(scene):
     p, start = SCENES[scene]
     times = np.linspace(0.0, PERIODS, 20 * PERIODS + 1) * float(p.period)
     expected = tpd.simulate(p, np.array(start, dtype=float), times, model=tpd.Nonlinear())
@@ -122,7 +122,7 @@ def test_motions_agree_with_the_nonlinear_model_over_ten_periods(scene):
 
 
 @needs_node
-def test_the_error_falls_with_the_fourth_power_of_the_step():
+def test_the_error_of_the_browser_falls_with_the_fourth_power_of_the_step():
     p, start = SCENES["with a pendulum, friction"]
     times = np.linspace(0.0, 2.0, 41) * float(p.period)
     expected = np.asarray(tpd.simulate(p, np.zeros(4), times, model=tpd.Nonlinear()).ys)[:, 0]
@@ -140,13 +140,13 @@ def test_the_error_falls_with_the_fourth_power_of_the_step():
 
 
 @needs_node
-def test_the_velocity_ratio_is_housners():
+def test_the_restitution_in_the_browser_is_housners():
     answer = run("rocking", "housner", "([nu, rho, mu]) => housner(nu, rho, mu)", [0.2, 0.72, 0.1])
     assert answer == pytest.approx(float(housner(0.2, 0.72, 0.1)), rel=1e-14)
 
 
 @needs_node
-def test_the_force_in_the_rod_is_that_of_the_acceleration_of_the_bob():
+def test_the_force_in_the_rod_satisfies_newtons_law_for_the_bob():
     """Newton's law for the bob, from its place: the second difference of the place in time."""
     p, start = SCENES["with a pendulum, friction"]
     q, h = plain(p), 1e-3
@@ -184,7 +184,7 @@ def test_the_force_in_the_rod_is_that_of_the_acceleration_of_the_bob():
 
 
 @needs_node
-def test_a_rattle_without_losses_is_stalled_and_not_endless():
+def test_a_rattle_without_losses_is_stopped():
     """Without friction and impact losses hops never end; the package stops such a motion as well."""
     p = tpd.Parameters(nu=0.28, mu=0.2, lam=0.3, zeta=0.57, k=0.0, f=0.1, xi=0.73, e=1.0)
     start = (-0.0072, 0.0, 0.0, 0.0)
@@ -270,7 +270,7 @@ def modes_of(answers: list[dict[str, Any]]) -> set[str]:
 
 
 @needs_node
-def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push():
+def test_random_motions_under_pulses_and_records_agree_with_the_package():
     rng, free = np.random.default_rng(0), 3.0
     inputs, expected, units = [], [], []
     for block, pendulum, start in random_blocks(rng, 120):
@@ -305,7 +305,7 @@ def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push()
 
 
 @needs_node
-def test_motions_agree_at_random_settings_under_a_harmonic_with_a_push():
+def test_random_motions_under_a_harmonic_agree_with_the_package():
     rng, periods = np.random.default_rng(1), 4
     inputs, expected, errors = [], [], []
     for block, pendulum, start in random_blocks(rng, 80):
@@ -327,7 +327,7 @@ def test_motions_agree_at_random_settings_under_a_harmonic_with_a_push():
 
 @needs_node
 @pytest.mark.parametrize("above", [0.0, 1e-12])
-def test_a_block_whose_release_only_touches_the_limit_stays_at_rest(above):
+def test_a_load_that_only_touches_the_uplift_limit_does_not_lift_the_block(above):
     """The load reaches the limit at the end of the first piece, and falls back from there."""
     p = plain(parameters(**NO_PENDULUM, f=0.13 * (1.0 + above)))
     ground = {"powers": [0.0, -1.0, -1.0, 1.0], "order": 2, "span": 0.5}

@@ -43,7 +43,7 @@ def values(out: dict) -> dict[str, float]:
     return {control["name"]: control["value"] for control in out["controls"]}
 
 
-def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
+def test_the_page_of_a_scene_begins_in_the_middle_of_the_default_space():
     out = content(SCENE)
     assert out.keys() == KEYS | {"tables", "periods", "trials"}
     assert (out["recommended"], out["runs"], out["verdict"]) == (None, [], "")
@@ -56,7 +56,7 @@ def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
     assert json.loads(json.dumps(out)).keys() == out.keys()
 
 
-def test_a_design_begins_with_its_pendulum_and_has_its_runs():
+def test_the_page_of_a_design_begins_with_its_pendulum_and_runs():
     design = made.design()
     out = content(design)
     pendulum, last = design.pendulum, design.validated[-1]
@@ -91,7 +91,7 @@ def test_the_values_of_the_design_are_nodes_of_the_table():
     assert out["tables"].keys() == {"grid", "without", "recommended"}
 
 
-def test_the_map_of_shares_and_the_runs_of_the_browser_are_those_of_the_validation():
+def test_the_runs_of_the_page_equal_validation_runs():
     problem = problem_of(SCENE)
     ensemble = replace(problem.ensemble, size=100)
     out = content(SCENE)
@@ -119,7 +119,7 @@ def test_the_map_of_shares_and_the_runs_of_the_browser_are_those_of_the_validati
     assert first["nu"] == first["mu"] == first["zeta"] == 1.0
 
 
-def test_a_rejected_design_begins_with_the_last_pendulum_that_was_validated():
+def test_the_page_of_a_rejected_design_begins_with_its_last_validated_pendulum():
     design = made.rejected()
     out = content(design)
     assert out["recommended"] is None
@@ -130,7 +130,7 @@ def test_a_rejected_design_begins_with_the_last_pendulum_that_was_validated():
     assert "recommended" not in out["tables"]
 
 
-def test_a_stored_design_has_the_same_content(tmp_path):
+def test_a_stored_design_has_the_content_of_the_design(tmp_path):
     name = "A </script> tower"
     out, again = content(made.design()), content(made.stored(tmp_path, name))
     assert (again["title"], again["verdict"]) == (name, "RECOMMENDED for the stated conditions.")
@@ -138,7 +138,7 @@ def test_a_stored_design_has_the_same_content(tmp_path):
         assert again[key] == out[key], key
 
 
-def test_a_job_has_its_limits_and_its_space():
+def test_the_page_of_a_job_has_its_limits_and_space():
     limits = {"stroke": 0.3, "mass": 2.0}
     job = job_of({"limits": limits, "space": {"mass_ratio": [0.02, 0.1], "damping_ratio": 0.2}})
     out = content(job)
@@ -182,7 +182,7 @@ def test_a_record_has_two_coefficients_for_each_sample():
 
 
 @pytest.mark.parametrize("bad", [None, 3, "chimney", PENDULUM])
-def test_anything_else_is_rejected(bad):
+def test_an_argument_that_is_no_design_job_or_scene_is_rejected(bad):
     with pytest.raises(ValueError, match="`design` must be"):
         inspect.unwrap(content)(bad)
 
@@ -195,7 +195,7 @@ def test_without_a_cavity_there_are_no_walls():
     assert "clearance" not in out["limits"]
 
 
-def test_stored_runs_under_earthquakes_are_those_that_the_description_counts():
+def test_stored_runs_under_records_are_the_counted_runs():
     design = designs.ground_design()
     (runs,) = content(design)["runs"]
     pairs = design.validated[-1].runs
@@ -216,7 +216,7 @@ def test_a_simulation_lasts_as_long_as_a_validation_run():
     assert content(job_of({"ensemble": {"periods": 70}}))["periods"] == 70
 
 
-def test_a_long_record_is_complete():
+def test_a_long_record_is_stored_completely():
     record = tpd.Record(np.sin(0.01 * np.arange(50_001)), 0.002, name="long")
     conditions = tpd.Conditions.records([record, record.scaled(2.0)])
     problem = problem_of(designs.BLOCK, conditions=conditions, validation_share=0.0)

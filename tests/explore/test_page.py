@@ -33,7 +33,7 @@ def test_the_page_is_one_file_below_two_megabytes(page):
     assert data(page)["version"] == tpd.__version__
 
 
-def test_the_modules_have_no_imports_left_and_one_definition_of_each_name(page):
+def test_the_joined_script_has_no_import_and_no_duplicate_name(page):
     script = page.html.rpartition('<script type="module">')[2]
     assert not re.search(r"^(import|export)\b", script, re.MULTILINE)
     names = re.findall(r"^(?:function|class|const|let) (\w+)", script, re.MULTILINE)
@@ -41,7 +41,7 @@ def test_the_modules_have_no_imports_left_and_one_definition_of_each_name(page):
     assert len(names) > 40
 
 
-def test_a_name_of_a_project_cannot_end_the_script():
+def test_a_project_name_cannot_close_the_script_element():
     name = "</script><script>alert(1)</script>"
     page = explore(job_of({"project": {"name": name}}))
     assert "<script>alert" not in page.html
@@ -79,6 +79,6 @@ def test_the_page_needs_64_bits(monkeypatch):
         explore(SCENE)
 
 
-def test_the_place_of_the_link_is_in_the_template_of_the_report():
+def test_the_report_template_has_a_place_for_the_link():
     template = resources.files("tpd.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     assert template.count(page_module._BELOW) == 1

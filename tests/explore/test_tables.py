@@ -12,26 +12,26 @@ SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
 
 
-def test_values_that_are_kept_are_nodes():
+def test_stated_values_in_range_are_nodes_of_the_axis():
     own = axis("frequency", 1.0, 100.0, 5, [3.0, 30.0, 300.0])
     assert {1.0, 3.0, 30.0, 100.0} <= set(own.values)
     assert 300.0 not in own.values, "it is out of range"
     assert (np.diff(own.values) > 0.0).all()
 
 
-def test_a_node_next_to_a_value_that_is_kept_makes_room_for_it():
+def test_a_stated_value_replaces_a_nearby_node():
     # 9.0 is next to the node 10 of 1, 10, 100.
     np.testing.assert_allclose(axis("frequency", 1.0, 100.0, 3, [9.0]).values, [1.0, 9.0, 100.0])
     assert axis("damping", 0.0, 1.0, 5, [0.3], log=False).values.tolist() == [0.0, 0.3, 0.5, 0.75, 1.0]
 
 
-def test_both_ends_of_an_axis_stay():
+def test_both_ends_of_an_axis_remain_nodes():
     own = axis("frequency", 1.0, 100.0, 3, [1.01, 99.0])
     assert own.values[0] == 1.0
     assert own.values[-1] == 100.0
 
 
-def test_fields_are_those_of_the_exact_orbits():
+def test_fields_of_the_table_equal_the_symmetric_orbits():
     table = solve(SCENE, [axis("frequency", 2.0, 4.0, 4), axis("pendulum_mass", 0.2, 3.0, 3)], PENDULUM)
     nu, rocking = float(SCENE.block.slenderness), 0
     for i, frequency in enumerate(table.axes[0].values):
@@ -51,7 +51,7 @@ def test_fields_are_those_of_the_exact_orbits():
     assert rocking > 3
 
 
-def test_housners_restitution_follows_the_mass_of_the_bob():
+def test_the_table_uses_housners_restitution_of_each_bob():
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0)
     scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.08, frequency=1.0))
     own = tpd.Pendulum(mass=900.0, length=0.5, damping_ratio=0.3)
@@ -60,7 +60,7 @@ def test_housners_restitution_follows_the_mass_of_the_bob():
     assert table.fields["tilt"][-1] == pytest.approx(float(orbits.amplitude[0]) * 6.0, rel=1e-12)
 
 
-def test_the_error_of_a_parabola_is_its_largest_distance_from_its_chords():
+def test_the_error_estimate_of_a_parabola_is_its_distance_from_the_chords():
     x = axis("damping", 0.0, 4.0, 5, log=False)
     error = interpolation_error(x.values**2, [x])
     # Between two nodes at a distance of 1 the chord lies at most 1/4 above x^2.
@@ -74,14 +74,14 @@ def test_the_errors_of_all_axes_add_up():
     np.testing.assert_allclose(interpolation_error(values, [x, y]), SAFETY * (0.25 + 0.75))
 
 
-def test_next_to_a_node_without_an_orbit_the_error_is_a_share_of_the_step():
+def test_the_error_next_to_a_missing_orbit_is_a_share_of_the_step():
     x = axis("damping", 0.0, 3.0, 4, log=False)
     error = interpolation_error(np.array([1.0, 5.0, np.nan, 7.0]), [x])
     # Nothing is interpolated along this axis from the last node.
     np.testing.assert_allclose(error, [SAFETY * 1.0, SAFETY * 1.0, np.nan, 0.0])
 
 
-def test_numbers_are_encoded_in_two_bytes():
+def test_numbers_of_a_table_are_encoded_in_two_bytes():
     table = solve(SCENE, [axis("frequency", 2.0, 4.0, 6)], PENDULUM)
     out = table.encoded("tilt")
     assert out["axes"][0] == {"name": "frequency", "values": table.axes[0].values.tolist(), "log": True}
@@ -111,7 +111,7 @@ def test_no_orbit_lies_beyond_the_toppling_tilt():
     assert not any((table.fields[name] >= 1.0).any() for name in ("tilt", "unstable"))
 
 
-def test_every_value_has_a_bound_of_its_error():
+def test_every_value_of_a_table_has_an_error_estimate():
     table = table_of(1.07, 10.83, 0.291, 0.22)
     for name in ("tilt", "swing"):
         known = np.isfinite(table.fields[name])

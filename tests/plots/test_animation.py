@@ -13,7 +13,7 @@ from tpd.plots import animation
 from tpd.plots.animation import animate, reel
 
 
-def test_the_animation_is_small_and_moves():
+def test_the_animation_is_a_moving_gif_below_3_megabytes():
     histories = (examples.history(False), examples.history(True, size=0.04))
     film = animate(examples.SCENE, examples.PENDULUM, histories)
     assert len(film) < 3e6
@@ -30,7 +30,7 @@ def test_the_animation_is_small_and_moves():
     assert (frames[0] != frames[1])[: height // 2, : width // 2].mean() > 0.02
 
 
-def test_an_overturned_block_lies_and_is_called_so():
+def test_an_overturned_block_lies_in_the_film_and_is_labelled():
     times = np.arange(100) / 20.0
     found = reel(examples.history(False, overturns=True), None, times)
     assert found.is_overturned[-1]
@@ -55,7 +55,7 @@ def test_a_film_shows_the_last_overturning(motion, monkeypatch):
     assert seen[0][0] < 22.5 < 23.0 < seen[0][-1]
 
 
-def test_a_block_without_an_answer_is_not_called_overturned():
+def test_a_block_without_a_result_is_not_labelled_overturned():
     history, times = examples.history(False, overturns=True), np.arange(100) / 20.0
     found = reel(dataclasses.replace(history, overturned=False), None, times)
     assert not found.is_overturned.any()
@@ -63,7 +63,7 @@ def test_a_block_without_an_answer_is_not_called_overturned():
     assert np.abs(found.tilt).max() < 0.5 * np.pi
 
 
-def test_frames_are_the_time_history_between_its_samples():
+def test_frames_interpolate_the_time_history():
     history, times = examples.history(True), np.array([0.0, 1.003, 2.0])
     found = reel(history, examples.PENDULUM, times)
     assert found.tilt == pytest.approx(np.interp(times, history.time, history.tilt))

@@ -32,7 +32,7 @@ def test_conditions_are_drawn_in_order_and_in_si_units(band):
     assert -0.05 * high <= low <= 0.0
 
 
-def test_conditions_that_overturn_from_rest_and_a_design_that_is_not_recommended_are_marked(band):
+def test_overturned_conditions_and_rejected_designs_are_marked(band):
     exact = dataclasses.replace(band.best.exact, status=np.array(["overturned", *["rocking"] * 3]))
     rejected = dataclasses.replace(band.best, exact=exact)
     problem = dataclasses.replace(band.problem, limits=(Reserve(),))
@@ -46,7 +46,7 @@ def test_conditions_that_overturn_from_rest_and_a_design_that_is_not_recommended
     assert empty.get_legend() is None
 
 
-def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one(band, single):
+def test_conditions_on_the_pendulum_are_drawn_in_si_units(band, single):
     factors = {"length": np.linspace(0.9, 1.1, 4)}
     problem = dataclasses.replace(band.problem, conditions=Conditions(factors))
     _, below = plot_conditions(dataclasses.replace(band, problem=problem))
@@ -56,7 +56,7 @@ def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one(band, sin
         plot_conditions(single)
 
 
-def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(band, under_pulses):
+def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, under_pulses):
     for design in (band, under_pulses):
         ax, runs = tpd.plot(design, "benefit"), design.runs
         mean, order = runs.change("mean severity"), np.argsort(design.conditions.column("frequency"))
@@ -84,7 +84,7 @@ def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(
         plot_benefit(dataclasses.replace(band, validated=()))
 
 
-def test_the_front_has_every_design_and_where_none_is_recommended():
+def test_the_plot_of_a_front_shows_every_design_and_the_rejected_masses():
     ax = plot_front(FRONT)
     assert legend(ax) == {"recommended", "largest reduction", "none recommended up to this mass"}
     assert ax.get_ylim()[0] == 0.0

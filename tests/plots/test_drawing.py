@@ -24,7 +24,7 @@ CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(a
         (CHIMNEY, None),
     ],
 )
-def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendulum):
+def test_the_drawing_is_to_scale_and_complete(scene, pendulum):
     ax = plot_scene(scene, pendulum, swing=0.0 if pendulum is None else 0.5)
     figure = ax.figure
     figure.canvas.draw()
@@ -48,7 +48,7 @@ def said(scene, pendulum, **how) -> str:
     return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
 
 
-def test_a_drawing_names_the_excitation_and_the_swing_as_they_are_known():
+def test_a_drawing_states_excitation_and_swing():
     pulse = dataclasses.replace(CHIMNEY, excitation=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
     for scene, base, swing in (
         (CHIMNEY, "±0.15 m\nat 0.8 Hz", "settled"),
@@ -65,7 +65,7 @@ CAVE = dataclasses.replace(
 
 
 @pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=2000.0)])
-def test_the_pendulum_is_drawn_as_it_is_built(bob):
+def test_the_drawing_shows_the_pendulum_as_built(bob):
     whole, detail = plot_scene(CAVE, examples.PENDULUM, swing=0.2, bob=bob).figure.axes
     whole.figure.canvas.draw()
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
@@ -90,7 +90,7 @@ def test_the_pendulum_is_drawn_as_it_is_built(bob):
     assert f"depth below the hinge: {number(depth, 3)} m" in text
 
 
-def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
+def test_the_drawing_states_the_clearance_and_the_angle_of_wall_contact():
     bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     clearance = 0.0475 - float(bob.radius(mass))
@@ -100,13 +100,13 @@ def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 
 
-def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
+def test_a_bob_without_a_suitable_rod_is_not_labelled_as_built():
     slow = tpd.Pendulum(mass=400.0, length=0.12, damping_ratio=0.1)
     assert np.isnan(Bob().built(400.0, 0.12, CAVE.gravity)).all()
     assert "no such body\n(0.12 m in the equations)" in said(CHIMNEY, slow)
 
 
-def test_a_design_draws_itself_with_its_own_body_and_swing(single, under_pulses):
+def test_the_plot_of_a_design_shows_its_bob_and_swing(single, under_pulses):
     detail = tpd.plot(single, "drawing").figure.axes[1]
     assert any(f"settled swing ±{single.swing:.3g} rad" in t.get_text() for t in detail.texts)
     with pytest.raises(ValueError, match="`ax` must be None for a drawing"):

@@ -15,7 +15,7 @@ from tpd.scene.conditions import Conditions
 
 
 @pytest.mark.parametrize("case", ["single", "band", "under_pulses"])
-def test_one_landscape_serves_all_designs(case, request):
+def test_one_landscape_shows_all_designs(case, request):
     design = request.getfixturevalue(case)
     ax, recommended = tpd.plot(design), design.pendulum is not None
     shown = legend(ax)
@@ -46,13 +46,13 @@ def changed(design, tilt, size, count=60):
     return dataclasses.replace(design, problem=problem, trials=trials)
 
 
-def test_edges_are_those_of_the_limits(single):
+def test_edges_in_a_landscape_are_the_limits(single):
     ax = tpd.plot(changed(single, lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8)))
     assert "stroke" in words(ax.texts)
     assert len(lines(ax)["runs without a result"].get_xdata()) == 30
 
 
-def test_the_field_is_grey_where_the_trials_do_not_determine_the_trend(single):
+def test_the_landscape_is_grey_if_the_trials_do_not_determine_the_trend(single):
     assert "trend not known" not in legend(tpd.plot(changed(single, lambda x: x[:, 0], lambda x: x[:, 1])))
     # The tilt of light bobs varies fast, which says nothing about heavy ones.
     x = single.space.unscaled(np.random.default_rng(2).random((60, 2)) * [0.4, 1.0])
@@ -75,7 +75,7 @@ def test_a_limit_that_needs_no_run_has_an_exact_edge(single):
     assert problem.fixed_sizes(designs)["mass"] == pytest.approx(1.0, abs=2e-3)
 
 
-def test_a_field_without_slope_is_drawn_and_hatched_where_all_designs_break_a_limit(single):
+def test_a_constant_landscape_is_hatched_if_all_designs_exceed_a_limit(single):
     flat = changed(single, lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.full(len(x), 9.0), 4)
     ax = tpd.plot(flat)
     ax.figure.canvas.draw()
@@ -104,7 +104,7 @@ def test_a_design_without_trials_has_no_landscape(single):
         ({"mass_ratio": 0.1, "length_ratio": 0.6, "damping_ratio": (0.05, 0.4)}, (2,), None),
     ],
 )
-def test_fixed_values_have_no_axis(single, space, axes, words):
+def test_a_fixed_value_has_no_axis_in_the_landscape(single, space, axes, words):
     problem = dataclasses.replace(single.problem, space=tpd.DesignSpace(**space))
     u = np.random.default_rng(1).random((40, len(axes)))
     x = problem.space.unscaled(u)
@@ -127,7 +127,7 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
         assert "exceeds a limit" in legend(ax)
 
 
-def test_the_edge_of_a_limit_is_where_the_trend_that_decides_is_zero(single):
+def test_the_edge_of_a_limit_is_the_zero_of_its_trend(single):
     u = np.random.default_rng(1).random((60, len(single.space.names)))
     x = single.space.unscaled(u)
     at = single.space.logarithms(x)

@@ -43,7 +43,7 @@ def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
     np.testing.assert_array_equal(table["uplift_margin"], design_map.margin.ravel())
 
 
-def test_a_curve_of_folds_is_drawn_over_a_map_with_ticks_on_the_side_without_orbits():
+def test_a_fold_curve_has_ticks_on_the_side_without_orbits():
     p = tpd.Parameters(nu=0.25, mu=0.1, lam=0.8, zeta=0.1, k=0.05, f=0.103, xi=3.5, e=0.9)
     ranges = {"x_range": (0.02, 0.2), "y_range": (0.3, 1.5)}
     curve = tpd.fold_curve(p, "mu", "lam", **ranges)
@@ -71,7 +71,7 @@ def test_a_curve_of_folds_is_drawn_over_a_map_with_ticks_on_the_side_without_orb
     tpd.plot(empty).figure.canvas.draw()
 
 
-def test_spectra_draw_themselves_and_are_tables():
+def test_spectra_can_be_plotted_and_tabulated():
     assert [ax.get_title() for ax in tpd.plot(OVERTURNING)] == ["without pendulum", "with pendulum"]
     assert OVERTURNING.to_dataframe().iloc[2].tolist() == [1.0, 4.0, 2, -1]
     drawn = {line.get_label(): line.get_xdata().tolist() for line in tpd.plot(ROCKING).lines}
@@ -85,7 +85,7 @@ def test_spectra_draw_themselves_and_are_tables():
     assert found.to_dataframe()["status"].tolist() == ["recommended", "not_recommended"]
 
 
-def test_a_record_is_drawn_with_its_peaks_and_its_spectrum():
+def test_the_plot_of_a_record_shows_its_peaks_and_spectrum():
     record = tpd.Record(np.sin(2.0 * np.pi * np.arange(201) / 100), 0.01, name="a sine")
     axes = tpd.plot(record)
     assert [ax.get_title(loc="right") for ax in axes[:3]] == ["PGA 0.102 g", "PGV 0.318 m/s", "PGD 0.318 m"]
@@ -121,7 +121,7 @@ FRAGILITY = Fragility(
 )
 
 
-def test_a_fragility_draws_a_state_and_has_a_row_for_every_stripe():
+def test_a_fragility_can_be_plotted_and_has_a_row_for_every_stripe():
     ax = tpd.plot(FRAGILITY)
     assert ax.get_xlabel() == "PGA (m/s^2)"
     few = dataclasses.replace(FRAGILITY, earthquakes=4)

@@ -22,7 +22,7 @@ def near(ax, marker: str):
     return line
 
 
-def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart():
+def test_the_response_plot_separates_overturned_and_unsettled_frequencies():
     status = ["overturned", "rocking", "aperiodic"]
     without_it, with_it = (examples.response(np.inf, 0.02, 0.01, status=status) for _ in range(2))
     (ax,) = plot_response((without_it, with_it), 2.5)
@@ -43,7 +43,7 @@ def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart(
     assert "(rad)" in ax.get_ylabel()
 
 
-def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
+def test_shares_of_overturned_runs_are_drawn_below_the_amplitudes():
     # A run that has no result does not count.
     runs = np.array([[1.0, 1.01, 2.0, 2.05, 2.11, 4.0], [1.0, 0.0, 1.0, 1.0, 0.0, np.nan]])
     shown = examples.response(0.1, 0.2, 0.3, frequency=(1.0, 2.0, 4.0))
@@ -58,7 +58,7 @@ def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
     assert len(plot_response((response,), axes=new_axes())) == 1
 
 
-def test_motions_share_their_axes_and_end_where_the_block_overturns():
+def test_time_histories_share_their_axes_and_end_at_overturning():
     histories = examples.HISTORIES
     tilt, rod = plot_motions(histories, 0.25, stroke_limit=0.5)
     assert legend(tilt) == {"without pendulum", "with pendulum"}
@@ -73,7 +73,7 @@ def test_motions_share_their_axes_and_end_where_the_block_overturns():
     assert plot_motions(histories, 0.25)[1].get_legend() is None
 
 
-def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
+def test_time_histories_under_a_record_show_base_and_needed_friction():
     time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
     values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}
     rest = {"impacts": np.zeros((0, 2)), "rocking": one > 0.0, "status": tpd.Status.rest}
@@ -97,7 +97,7 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
         assert np.isfinite(drawn).sum() == (5 if marked and tilts[5] > 0.5 else np.isfinite(tilts).sum())
 
 
-def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():
+def test_a_response_can_be_plotted_and_tabulated_with_shares():
     response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=examples.PENDULUM)
     above, below = tpd.plot(response, without=examples.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
     assert legend(above) == {"without pendulum", "with pendulum"}
@@ -116,7 +116,7 @@ def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_eac
     np.testing.assert_array_equal(part.overturning, response.overturning[:, at])
 
 
-def test_shares_are_those_of_runs_from_rest_near_each_value():
+def test_shares_of_a_response_count_runs_from_rest_near_each_value():
     """At the lowest frequencies the paper's block rests, at the strong ones next to its own it overturns."""
     strong = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.06, frequency=2.5))
     response = tpd.settled_response(strong, "frequency", np.linspace(0.2, 2.0, 10))
@@ -133,7 +133,7 @@ def test_shares_are_those_of_runs_from_rest_near_each_value():
     assert tpd.settled_response(strong, "amplitude", [0.01, 0.02]).runs is None
 
 
-def test_branches_draw_themselves_and_have_a_row_for_every_orbit():
+def test_branches_can_be_plotted_and_have_a_row_for_every_orbit():
     branches = tpd.branches(SCENE, "frequency", 2.0, 3.0, samples=12)
     (ax,) = tpd.plot(branches)
     assert "without pendulum" in legend(ax)

@@ -25,7 +25,7 @@ def design_map():
     return tpd.design_map(tpd.paper_scene(), *axes)
 
 
-def test_every_result_takes_what_and_ax_and_its_own_names(design_map, single):
+def test_plot_of_every_result_accepts_what_and_ax(design_map, single):
     for how in ({"what": "swing"}, {"quantity": "swing"}):
         bar = tpd.plot(design_map, **how).figure.axes[1]
         assert bar.get_ylabel().startswith("largest bob angle")
@@ -36,7 +36,7 @@ def test_every_result_takes_what_and_ax_and_its_own_names(design_map, single):
     assert tpd.plot(SPECTRUM, ax=own) is own
 
 
-def test_a_mistake_is_one_sentence(design_map, single):
+def test_an_invalid_argument_of_plot_is_rejected_in_one_sentence(design_map, single):
     for result, how, message in (
         (3, {}, r"`result` must have a picture \(Design, Front, .*, RockingSpectrum, Record\), but is 3"),
         (tpd.Design, {}, "`result` must have a picture"),
@@ -55,7 +55,7 @@ def test_a_mistake_is_one_sentence(design_map, single):
             tpd.plot(result, **how)
 
 
-def test_files_of_pictures_have_the_format_of_their_names_and_the_body_of_the_search():
+def test_picture_files_have_the_format_of_their_name():
     for name in ("benefit", "response", "motion"):
         found = draw(f"{name}.svg", harmonic(), details())
         assert ElementTree.fromstring(found).tag.endswith("svg")

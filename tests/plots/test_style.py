@@ -19,7 +19,7 @@ from tpd.scene.parameters import NAMES
 from tpd.scene.quantities import QUANTITIES
 
 
-def test_files_repeat_and_words_stay_words():
+def test_picture_files_are_reproducible_and_keep_text_as_text():
     def drawn():
         ax = new_axes()
         ax.plot([0.0, 1.0], [0.0, 0.1], label="tilt")
@@ -35,7 +35,7 @@ def test_files_repeat_and_words_stay_words():
     assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
 
 
-def test_an_edge_bears_its_name_at_a_share_of_its_longest_part():
+def test_the_label_of_an_edge_lies_on_its_longest_part():
     ax, x = new_axes(), np.linspace(0.0, 1.0, 11)
     edge(ax, x, x, np.add.outer(0.0 * x, x - 0.5), "limit", 0.5)
     (name,) = ax.texts
@@ -43,7 +43,7 @@ def test_an_edge_bears_its_name_at_a_share_of_its_longest_part():
     assert name.xy == pytest.approx((0.5, 0.5), abs=0.1)
 
 
-def test_several_axes_share_the_scale_between_them_and_an_empty_legend_is_none():
+def test_several_axes_share_one_colour_bar_and_an_empty_legend_is_omitted():
     above, below = new_axes(2)
     below.set_xlim(0.0, 7.0)
     assert above.get_xlim() == (0.0, 7.0)
@@ -51,7 +51,7 @@ def test_several_axes_share_the_scale_between_them_and_an_empty_legend_is_none()
     assert above.get_legend() is None
 
 
-def test_both_cases_differ_without_colour_and_labels_have_units():
+def test_both_cases_can_be_distinguished_without_colour():
     without, pendulum = CASES
     assert all(without[key] != pendulum[key] for key in ("marker", "ls", "mfc"))
     assert all(label.endswith(")") for label in LABELS.values())
@@ -106,7 +106,7 @@ def pictures(draw) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", PICTURES)
-def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name, band):
+def test_matplotlib_settings_of_a_user_do_not_change_a_picture(name, band):
     usual = pictures(lambda: PICTURES[name](band))
     with matplotlib.rc_context(HOSTILE):
         before = dict(matplotlib.rcParams)
@@ -115,7 +115,7 @@ def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name, band):
     assert [kind for kind in usual if usual[kind] != found[kind]] == []
 
 
-def test_a_film_and_axes_of_the_user_do_not_depend_on_settings_either():
+def test_films_and_user_axes_do_not_depend_on_matplotlib_settings():
     film = examples.SCENE, examples.PENDULUM, examples.HISTORIES
     usual = animate(*film)
     with matplotlib.rc_context(HOSTILE):

@@ -32,7 +32,7 @@ def test_a_risk_lies_between_mean_and_worst_and_falls_with_its_share(values, sha
 
 @bounded(60)
 @given(tilts, shares, st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.randoms(use_true_random=False))
-def test_a_risk_takes_no_note_of_order_and_follows_shift_and_scale(values, share, shift, factor, random):
+def test_a_risk_does_not_depend_on_order_and_follows_shift_and_scale(values, share, shift, factor, random):
     risk = tpd.Risk.cvar(share)
     mixed = list(values)
     random.shuffle(mixed)
@@ -43,7 +43,7 @@ def test_a_risk_takes_no_note_of_order_and_follows_shift_and_scale(values, share
 
 @bounded(60)
 @given(tilts, tilts, shares)
-def test_more_tilt_under_every_condition_is_no_less_risk(values, more, share):
+def test_more_tilt_under_every_condition_does_not_reduce_a_risk(values, more, share):
     assume(values.size == more.size)
     risk = tpd.Risk.cvar(share)
     assert float(risk.of(values)) <= float(risk.of(values + more)) + 1e-12
@@ -51,7 +51,7 @@ def test_more_tilt_under_every_condition_is_no_less_risk(values, more, share):
 
 @bounded(60)
 @given(st.floats(0.01, 0.1), st.floats(0.01, 0.9), st.tuples(*3 * [st.floats(0.0, 1.0)]))
-def test_designs_come_back_from_shares_of_the_space(low, width, unit):
+def test_scaling_and_unscaling_a_design_are_inverse(low, width, unit):
     space = tpd.DesignSpace(mass_ratio=(low, low + width), damping_ratio=(0.05, 0.6))
     designs = space.unscaled(np.array([unit]))
     np.testing.assert_allclose(space.scaled(designs), [unit], atol=1e-12)
@@ -64,7 +64,7 @@ pendulums = st.tuples(st.floats(0.01, 0.5), st.floats(0.05, 1.9), st.floats(0.0,
 
 @bounded(60)
 @given(pendulums, st.floats(0.05, 3.0), st.floats(3.0, 9.0))
-def test_a_pendulum_comes_back_from_its_ratios(design, width, slender):
+def test_a_pendulum_can_be_recovered_from_its_ratios(design, width, slender):
     mu, lam, zeta = design
     block = tpd.Block(
         width=width, height=width * slender, mass=1500.0 * width**3 * slender, friction=0.05, restitution=1.0
@@ -76,7 +76,7 @@ def test_a_pendulum_comes_back_from_its_ratios(design, width, slender):
 
 @bounded(60)
 @given(st.floats(0.1, 10.0), st.floats(0.2, 5.0))
-def test_a_model_of_a_scene_has_its_ratios(length, gravity):
+def test_a_scale_model_of_a_scene_has_equal_dimensionless_numbers(length, gravity):
     # Lengths by one factor and gravity by another; the frequency by the root of gravity over length.
     one = tpd.paper_scene()
     assume(1.5 < one.gravity * gravity < 30.0)
@@ -103,7 +103,7 @@ def test_a_model_of_a_scene_has_its_ratios(length, gravity):
 
 @bounded(40)
 @given(st.integers(1, 60), st.integers(0, 1000), st.floats(0.0, 0.5), st.floats(0.0, 0.5))
-def test_scattered_conditions_stay_within_their_widths_and_are_those_of_the_seed(size, seed, mass, friction):
+def test_scattered_conditions_stay_within_their_widths(size, seed, mass, friction):
     conditions = tpd.Conditions.scatter(size, seed, mass=mass, friction=friction)
     for name, width in (("mass", mass), ("friction", friction)):
         factors = conditions.column(name)
@@ -116,7 +116,7 @@ def test_scattered_conditions_stay_within_their_widths_and_are_those_of_the_seed
 
 @bounded(40)
 @given(st.integers(2, 40), st.integers(1, 40), st.integers(0, 100))
-def test_a_subset_of_conditions_is_of_them(count, most, seed):
+def test_a_subset_contains_only_conditions_of_the_set(count, most, seed):
     band = tpd.Conditions.band(tpd.paper_scene(), 1.0, 4.0, count)
     some = band.subset(most, seed)
     assert len(some) == min(most, count)
@@ -143,7 +143,7 @@ def optimum(swing, heaviest):
     [((0.25, 0.1), (0.4, 0.1), (0.7, 0.1)), ((0.4, 0.03), (0.4, 0.1), (0.4, 0.25))],
     ids=["limit", "space"],
 )
-def test_neither_a_wider_limit_nor_a_larger_space_has_a_worse_optimum(questions):
+def test_a_wider_limit_or_space_does_not_worsen_the_optimum(questions):
     values = [optimum(*question) for question in questions]
     # To what the searches leave: they stop where a step gains less than a thousandth.
     assert np.all(np.diff(values) <= 1e-3 * np.abs(values[:-1]))

@@ -51,7 +51,7 @@ def energy(p, ys):
 
 @bounded(40)
 @given(conserving)
-def test_without_losses_energy_is_kept(case):
+def test_energy_is_conserved_without_losses(case):
     p, y0 = free(case)
     ys, _ = moved(p, y0)
     assume(np.all(np.isfinite(ys)))
@@ -60,7 +60,7 @@ def test_without_losses_energy_is_kept(case):
 
 @bounded(40)
 @given(conserving)
-def test_without_losses_a_motion_runs_backwards(case):
+def test_a_motion_without_losses_is_reversible(case):
     p, y0 = free(case)
     there, _ = moved(p, y0)
     assume(np.all(np.isfinite(there)))
@@ -82,7 +82,7 @@ designs = st.tuples(
 
 @bounded(40)
 @given(designs, st.integers(1, TIMES.size - 2))
-def test_a_motion_in_two_parts_continues(x, cut):
+def test_a_motion_simulated_in_two_parts_equals_the_whole(x, cut):
     p = parameters(x)
     # A whole number of periods on, so that the second part begins in the same phase of the forcing.
     times = np.arange(TIMES.size) * float(p.period) / 2.0
@@ -97,7 +97,7 @@ def test_a_motion_in_two_parts_continues(x, cut):
 
 @bounded(40)
 @given(designs, st.floats(0.1, 10.0))
-def test_all_moments_by_one_factor_are_all_angles_by_it(x, factor):
+def test_scaling_all_moments_scales_all_angles(x, factor):
     # Of the bare block: phi'' = phi - s nu - sigma k - f sin(xi tau) is homogeneous in (phi, nu, k, f).
     nu, _, _, _, k, f, xi, e = x
     rho = 0.75 / (1.0 + nu**2)
@@ -115,7 +115,7 @@ def test_all_moments_by_one_factor_are_all_angles_by_it(x, factor):
 
 @bounded(40)
 @given(designs)
-def test_rest_is_settled_on_only_where_the_closed_form_allows_it(x):
+def test_a_motion_settles_at_rest_only_if_the_uplift_margin_is_positive(x):
     margin = float(theory.uplift(parameters(x)).margin)
     assume(abs(margin) > 1e-6)
     found = solve(x)
@@ -127,7 +127,7 @@ def test_rest_is_settled_on_only_where_the_closed_form_allows_it(x):
 
 @bounded(40)
 @given(designs, st.floats(0.05, 1.0), st.floats(0.1, 1.5))
-def test_a_bob_without_mass_does_nothing_to_the_block(x, zeta, lam):
+def test_a_bob_without_mass_does_not_change_the_block(x, zeta, lam):
     nu, _, _, _, *others = x
     one = solve((nu, 0.0, 1.0, 0.1, *others))
     two = solve((nu, 0.0, lam, zeta, *others))
@@ -138,7 +138,7 @@ def test_a_bob_without_mass_does_nothing_to_the_block(x, zeta, lam):
 
 @bounded(30)
 @given(designs)
-def test_a_derivative_of_the_amplitude_is_a_difference_quotient_or_nan(x):
+def test_a_derivative_of_the_amplitude_equals_its_difference_quotient_or_is_nan(x):
     found = solve(x)
     assume(found.status in names_of(SETTLED) and found.amplitude > 0.0)
     for i, size in enumerate(x):
@@ -155,7 +155,7 @@ def test_a_derivative_of_the_amplitude_is_a_difference_quotient_or_nan(x):
 
 
 @pytest.mark.parametrize("equations", ["linear", "nonlinear"])
-def test_runs_depend_on_neither_threads_nor_what_runs_beside_them(equations):
+def test_runs_do_not_depend_on_threads_or_batch(equations):
     p = parameters((0.25, 0.1, 0.15, 0.3, 0.05, 0.377, 2.67))
     ensemble = Ensemble(size=48, seed=3, periods=12)
     one = outcomes(p, ensemble=ensemble, equations=equations, workers=1)
@@ -166,7 +166,7 @@ def test_runs_depend_on_neither_threads_nor_what_runs_beside_them(equations):
 
 @bounded(20)
 @given(st.integers(0, 10**6), st.integers(2, 40))
-def test_the_runs_of_an_ensemble_are_those_of_its_seed_within_its_widths(seed, size):
+def test_the_samples_of_an_ensemble_follow_its_seed_and_widths(seed, size):
     ensemble = Ensemble(size=size, seed=seed)
     draws = ensemble.draws()
     assert draws.shape == (size, 14)

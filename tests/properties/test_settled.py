@@ -40,7 +40,7 @@ seeded = settings(
 
 @seeded
 @given(designs, starts)
-def test_there_is_no_number_without_a_status_nor_nan_that_none_explains(x, y0):
+def test_every_result_is_finite_or_has_a_status_that_explains_it(x, y0):
     found = solve(x, y0)
     assert found.status in (*names_of(SETTLED), *OTHERS)
     sizes = np.array([found.amplitude, found.swing])
@@ -86,18 +86,18 @@ def assert_same(a, b, x):
 
 @seeded
 @given(designs, starts)
-def test_a_mirrored_start_under_mirrored_forcing_moves_in_the_mirror(x, y0):
+def test_a_mirrored_state_under_mirrored_forcing_gives_the_mirrored_motion(x, y0):
     ys, status = motions(x, -np.array(y0), 0.5)
     assert_same(motions(x, y0, 0.0), (-ys, status), x)
 
 
 @seeded
 @given(designs, starts, st.integers(1, 9))
-def test_forcing_shifted_by_whole_periods_changes_nothing(x, y0, periods):
+def test_a_shift_by_whole_periods_does_not_change_the_motion(x, y0, periods):
     assert_same(motions(x, y0, 0.0), motions(x, y0, float(periods)), x)
 
 
-def test_orbits_depend_on_neither_order_nor_size_of_their_batch():
+def test_orbits_do_not_depend_on_order_or_size_of_their_batch():
     rng = np.random.default_rng(4)
     x = np.array([WITH[i % 4].x for i in range(400)]) * rng.uniform(0.95, 1.05, (400, 7))
     x[:, 0] = np.minimum(x[:, 0], 0.5)
@@ -112,7 +112,7 @@ def test_orbits_depend_on_neither_order_nor_size_of_their_batch():
 
 
 @pytest.mark.parametrize("case", WITH[:3], ids=named)
-def test_a_bob_without_mass_is_the_limit_of_light_ones(case):
+def test_a_bob_without_mass_is_the_limit_of_light_bobs(case):
     without, *light = (solve([case.x[0], mu, *case.x[2:]]).amplitude for mu in (0.0, 1e-3, 1e-4, 1e-5))
     apart = [abs(amplitude - without) for amplitude in light]
     # To first order in the mass.
@@ -120,7 +120,7 @@ def test_a_bob_without_mass_is_the_limit_of_light_ones(case):
     assert apart[1] / apart[2] == pytest.approx(10.0, rel=0.05)
 
 
-def test_a_bob_on_the_shortest_rod_is_a_mass_on_the_top():
+def test_a_bob_on_a_short_rod_acts_as_a_mass_at_the_hinge():
     # As lam -> 0 the bob hangs still below its hinge, and
     #     (1 + mu rho (4 + nu^2)) phi'' = (1 + 2 mu) (phi - f sin) - s (1 + mu) nu - sigma k,
     # a bare block in its own time.

@@ -87,7 +87,7 @@ def assert_same(one, other, later=0.0, tolerance=1e-8):
 
 @bounded(40)
 @given(shaken, st.integers(1, 200))
-def test_zeros_before_a_record_only_put_it_off(case, zeros):
+def test_zeros_before_a_record_only_delay_the_motion(case, zeros):
     scene, pendulum = made(case)
     put_off = with_samples(scene, np.concatenate([np.zeros(zeros), scene.excitation.acceleration]))
     one, other = transient(scene, pendulum, free=FREE), transient(put_off, pendulum, free=FREE)
@@ -96,7 +96,7 @@ def test_zeros_before_a_record_only_put_it_off(case, zeros):
 
 @bounded(40)
 @given(shaken, st.integers(1, 80))
-def test_zeros_after_a_record_are_free_motion(case, zeros):
+def test_zeros_after_a_record_equal_free_motion(case, zeros):
     scene, pendulum = made(case)
     longer = with_samples(scene, np.concatenate([scene.excitation.acceleration, np.zeros(zeros)]))
     one = transient(scene, pendulum, free=FREE)
@@ -105,7 +105,7 @@ def test_zeros_after_a_record_are_free_motion(case, zeros):
 
 @bounded(40)
 @given(shaken)
-def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
+def test_a_mirrored_record_gives_the_mirrored_motion(case):
     scene, pendulum = made(case)
     mirrored = replace(scene, excitation=scene.excitation.scaled(-1.0))
     one, other = transient(scene, pendulum, free=FREE), transient(mirrored, pendulum, free=FREE)
@@ -115,7 +115,7 @@ def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
 
 @bounded(40)
 @given(shaken, st.integers(2, 5))
-def test_more_samples_on_the_same_lines_change_nothing(case, times):
+def test_interpolated_samples_do_not_change_the_motion(case, times):
     scene, pendulum = made(case)
     a = scene.excitation.acceleration
     fine = np.interp(np.arange((len(a) - 1) * times + 1) / times, np.arange(len(a)), a)
@@ -125,7 +125,7 @@ def test_more_samples_on_the_same_lines_change_nothing(case, times):
 
 @bounded(40)
 @given(shaken, st.integers(5, SAMPLES - 5))
-def test_a_record_in_two_parts_continues(case, cut):
+def test_a_record_simulated_in_two_parts_equals_the_whole(case, cut):
     scene, pendulum = made(case)
     a = scene.excitation.acceleration
     whole = transient(scene, pendulum, free=FREE)
@@ -139,7 +139,7 @@ def test_a_record_in_two_parts_continues(case, cut):
 
 @bounded(40)
 @given(shaken, st.floats(0.3, 10.0), st.floats(0.2, 3.0))
-def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, gravity):
+def test_a_scale_model_under_another_gravity_has_equal_angles(case, length, gravity):
     # Lengths, gravity and accelerations by factors: times follow by the root of length over gravity. Masses
     # only count as ratios.
     scene, pendulum = made(case)
@@ -170,7 +170,7 @@ def test_a_bob_without_mass_does_not_move_the_block(case):
 
 @bounded(40)
 @given(shaken)
-def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
+def test_a_block_lifts_when_the_record_first_exceeds_its_threshold(case):
     # Without a pendulum the block lifts at an acceleration of nu g, with friction at (nu + k) g.
     scene, _ = made(case)
     threshold = (scene.block.slenderness + scene.ground_parameters().k) * scene.gravity
@@ -184,7 +184,7 @@ def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
 
 @pytest.mark.parametrize("share", [1.2, 1.5, 2.0])
 @pytest.mark.parametrize("mass", [0.0, 0.1])
-def test_a_sampled_sine_tends_to_the_sine_with_the_square_of_the_step(share, mass):
+def test_the_error_of_a_sampled_sine_falls_with_the_square_of_the_step(share, mass):
     block = Block(width=0.6, height=3.0, mass=2000.0, friction=0.05, restitution=1.0)
     pendulum = Pendulum(mass=mass * block.mass, length=0.6, damping_ratio=0.2)
     sine = Pulse.sine_train(
@@ -213,7 +213,7 @@ def _tilt(factors, scene, pendulum):
 
 @bounded(25)
 @given(shaken)
-def test_a_derivative_of_the_tilt_is_a_difference_quotient(case):
+def test_a_derivative_of_the_tilt_equals_its_difference_quotient(case):
     scene, pendulum = made(case)
     (value, status), slope = _tilt(np.ones(3), scene, pendulum)
     assume(status_name(status) == "rocked")

@@ -71,21 +71,21 @@ GOOD = (*names_of(SETTLED), "stood", "rocked")
 REMEDIES = ("Start", "Change", "Evaluate", "Increase", "Move", "Add", "Run", "reduce")
 
 
-def test_the_scenes_are_of_all_statuses():
+def test_the_scenes_of_this_module_cover_all_statuses():
     assert set(REACHED) == set(names_of(np.arange(len(REACHED))))
     with pytest.raises(IndexError):
         names_of(np.array([len(REACHED)]))
 
 
 @pytest.mark.parametrize("name", REACHED)
-def test_a_status_is_reached(name):
+def test_every_status_is_reached_by_a_scene(name):
     found = REACHED[name]()
     names = found if isinstance(found, np.ndarray) else np.atleast_1d(names_of(found))
     assert name in names
 
 
 @pytest.mark.parametrize("name", REACHED)
-def test_a_status_without_an_answer_has_a_remedy(name):
+def test_every_status_without_a_result_has_a_remedy(name):
     sentence = Status[getattr(Status, name)]
     assert sentence.endswith(".")
     assert (name in GOOD) != any(word in sentence for word in REMEDIES)
