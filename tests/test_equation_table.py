@@ -32,7 +32,7 @@ def test_every_function_of_a_row_is_defined_in_its_module():
             assert isinstance(found, property) or found.__module__ == module.__name__, name
 
 
-def test_every_public_formula_is_a_function_also_after_its_module_was_imported():
+def test_every_public_formula_is_a_function_after_its_module_is_imported():
     for module in pkgutil.iter_modules(tpd.theory.__path__):
         import_module(f"tpd.theory.{module.name}")
     assert all(inspect.isfunction(getattr(tpd.theory, name)) for name in tpd.theory.__all__)

@@ -150,7 +150,7 @@ def test_a_worsening_is_relative_to_the_block_without_pendulum(geometry):
     np.testing.assert_array_equal(evaluate_sizes([worsening], lost, calm)[0].value, [[np.inf, 0.0]])
 
 
-def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
+def test_the_offset_of_the_bob_beyond_a_right_angle_is_its_rod_length(geometry):
     e = evaluation(DESIGN)._replace(swing=np.array([[1.6, 3.0]]))
     (size,) = evaluate_sizes([tpd.limits.Offset(0.03)], e, geometry, slopes=True)
     np.testing.assert_allclose(size.value, geometry.rod(Ratios(*DESIGN))[None] / 0.03)
@@ -239,7 +239,7 @@ def test_a_limit_on_the_mass_applies_to_the_bob_as_built(geometry):
     np.testing.assert_allclose(size.value, 0.15 * SCENE.block.mass / 2.0)
 
 
-def test_a_bob_without_an_equivalent_body_exceeds_its_limits(geometry):
+def test_a_bob_without_equivalent_body_or_below_the_base_exceeds_a_limit(geometry):
     """A disc that turns with its rod has so large a moment of inertia that no thin one acts as the point."""
     disc, design = Bob(shape="cylinder", aspect=0.1), np.array([0.19, 0.3, 0.35])
     mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.half_height))

@@ -48,7 +48,7 @@ def runner(tmp_path_factory):
 
 
 @each_notebook
-def test_notebook_runs(path, runner):
+def test_a_notebook_runs_without_error(path, runner):
     runner.stdin.write(f"{path.stem}\n")
     runner.stdin.flush()
     said = runner.stdout.readline()

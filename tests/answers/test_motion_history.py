@@ -27,7 +27,7 @@ def test_a_history_agrees_with_the_transient():
     assert motion_history(SINE, free=5.0).swing is None
 
 
-def test_a_positive_acceleration_tilts_to_positive_phi_and_swings_the_bob_to_negative_psi():
+def test_a_positive_acceleration_gives_positive_tilt_and_negative_swing():
     found = motion_history(SINE, PENDULUM, times=np.linspace(0.0, 0.4, 100))
     assert (found.base[1:] > 0.0).all()
     assert found.tilt[-1] > 0.01

@@ -34,7 +34,7 @@ def with_ratio(mean: float, low: float, high: float, **more):
         ((math.nan, 0.0, math.inf), (math.nan, -math.inf, 1.0), False),
     ],
 )
-def test_a_required_rate_falls_if_the_whole_interval_of_the_ratio_is_below_one(ratio, reduction, is_enough):
+def test_a_rate_is_reduced_if_the_interval_of_the_ratio_is_below_one(ratio, reduction, is_enough):
     runs = with_ratio(*ratio)
     of, is_significant = runs.reduction("rate")
     assert (of.mean, of.low, of.high) == pytest.approx(reduction, nan_ok=True)
@@ -143,7 +143,7 @@ def test_runs_of_one_earthquake_count_as_one_observation():
     assert not paired(with_it, without, np.zeros(80, int), cluster=cluster).overturns_more
 
 
-def test_the_benefit_counts_the_counted_runs_and_the_harm_all_of_them():
+def test_the_benefit_uses_the_validation_runs_and_the_harm_all_runs():
     with_it, without = [0.1] * 20 + [np.inf] * 20, [0.4] * 40
     found = paired(with_it, without, [0] * 20 + [1] * 20, counted=np.arange(40) < 20)
     assert found.benefit.mean == pytest.approx(0.75)

@@ -53,7 +53,7 @@ def test_the_chance_of_a_difference_is_the_binomial_p_value():
         assert chance_of_either(worse, better) == pytest.approx(either, rel=1e-9)
 
 
-def test_a_mean_is_positive_by_the_one_sided_test_of_student():
+def test_a_mean_is_positive_by_the_one_sided_t_test():
     rng, said = np.random.default_rng(2), []
     for _ in range(100):
         values = rng.normal(0.4, 1.0, 12)

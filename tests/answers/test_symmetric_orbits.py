@@ -49,7 +49,7 @@ def test_amplitude_and_gradient_equal_stored_references(case):
     np.testing.assert_allclose(found, expected[there], rtol=case.gradient_rtol, atol=case.gradient_atol)
 
 
-def test_a_repelling_orbit_is_unstable():
+def test_an_orbit_with_a_multiplier_above_one_is_unstable():
     _, amplitude, half = UNSTABLE
     o = known()
     assert list(o.status[-1]) == ["unstable", "no_orbit", "no_orbit"]
@@ -107,7 +107,7 @@ def test_the_gradient_of_a_neutral_orbit_equals_differences():
     assert o.slopes[0, 0, 0, F] == pytest.approx((up - down) / 2e-5, rel=1e-6)
 
 
-def test_at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit():
+def test_an_orbit_has_no_gradient_at_a_fold_and_does_not_exist_beyond_it():
     o = among(FOLDING, "f", lost(Kind.fold).value * (1.0 + np.array([5e-14, -1e-6])))
     assert set(o.status[0]) <= {"near_fold", "no_orbit"}
     assert np.all(np.isnan(o.slopes[0]))

@@ -100,7 +100,7 @@ def test_each_outcome_of_a_motion_has_its_status(changes, y0, name):
         assert all(np.isfinite(getattr(found, size)[0]) for size in SIZES)
 
 
-def test_a_motion_cut_by_the_event_bound_has_its_status():
+def test_a_motion_with_too_many_events_has_the_status_event_bound():
     assert status(TALL, np.zeros((1, 4)), periods=3) == "not_settled"
     assert status(TALL, np.zeros((1, 4)), events=1) == "event_bound"
 

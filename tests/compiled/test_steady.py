@@ -141,7 +141,7 @@ def test_a_motion_with_unequal_sides_is_not_called_symmetric():
     assert bool(exact(WITHOUT[0].x, WITHOUT[0].y0).steady.symmetric)
 
 
-def test_a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient():
+def test_a_motion_on_an_unstable_orbit_has_no_gradient():
     x, amplitude, half = UNSTABLE
     answer = exact(x, REPELLING["states"][0])
     assert answer.status == "unstable"

@@ -75,7 +75,7 @@ def test_random_linear_motions_equal_the_event_loop():
     assert compared > 3
 
 
-def test_a_motion_reaches_every_horizon_in_a_few_events():
+def test_a_motion_reaches_every_end_time_in_a_few_events():
     # After an event at t, t + (horizon - t) may round below the horizon: this once waited for ever.
     p = parameters((0.25, 0.0, 0.2, 0.1, 0.05, 0.377, 2.67))
     y0, few = np.array([0.2999, 0.0, 0.0, 0.0]), Piecewise(max_events=20)

@@ -65,7 +65,7 @@ def test_the_search_uses_the_linear_model_if_restitution_is_nearly_zero():
         ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "but has two of Tilt"),
     ],
 )
-def test_bad_input_is_rejected(given, message):
+def test_settings_of_a_problem_out_of_range_are_rejected(given, message):
     with pytest.raises(ValueError, match=message):
         problem(**given)
 

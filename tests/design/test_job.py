@@ -163,7 +163,7 @@ def test_keys_without_effect_are_not_written():
         (EXACTLY, BAND, "conditions.exactly"),
     ],
 )
-def test_keys_that_an_option_makes_pointless_are_dropped(given, over, dropped):
+def test_keys_that_an_option_replaces_are_dropped(given, over, dropped):
     table, key = dropped.split(".")
     merged, full = jobs.merge_tables(given, over)
     assert key in given[table]

@@ -87,7 +87,7 @@ def test_the_next_design_is_not_near_a_rejected_design(count, validated, status)
     assert (found.pendulum is None, found.equivalent is None) == (status == "not_recommended",) * 2
 
 
-def test_after_a_rejection_no_unpromising_design_is_validated():
+def test_no_design_below_the_required_benefit_is_validated_after_a_rejection():
     """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
     stopped = solve_problem(
         harmful(9, requirements=tpd.limits.Requirements(at_least=1.0), limits=(tpd.limits.Tilt(0.9),))

@@ -77,7 +77,7 @@ def test_the_constraints_of_a_search_are_tightened_by_the_back_off(objective):
     np.testing.assert_array_equal(objective.linearised(e).limit, value + BACK_OFF)
 
 
-def test_a_quantity_that_is_not_finite_breaks_its_limit(objective):
+def test_a_quantity_that_is_not_finite_exceeds_its_limit(objective):
     e = objective.evaluate(GOOD)
     e = e._replace(swing=np.full_like(e.swing, np.inf), tilt=np.full_like(e.tilt, np.nan))
     value, slope = objective.constraints(e)

@@ -58,6 +58,6 @@ def test_masses_in_kg_and_lengths_in_m_become_ratios_of_the_block():
         ),
     ],
 )
-def test_wrong_bounds_are_rejected(bounds, message):
+def test_invalid_bounds_are_rejected(bounds, message):
     with pytest.raises(ValueError, match=message):
         tpd.DesignSpace(**bounds)

@@ -42,7 +42,7 @@ def test_the_deviation_grows_away_from_the_values(noisy):
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
-def test_the_smallest_number_of_values_determines_a_trend(d):
+def test_the_smallest_allowed_number_of_values_determines_a_trend(d):
     at = np.random.default_rng(0).random((least_values(d), d))
     assert np.isfinite(fit(at, at.sum(axis=1)).at(at)[0]).all()
     assert np.isfinite(fit(at, np.ones(len(at))).at(at)[0]).all()

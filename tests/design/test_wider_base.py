@@ -66,7 +66,7 @@ def test_bases_are_widened_until_one_has_the_effect_of_the_pendulum(harmonic, re
     assert worth_of(rejected.runs, "", alone) is None
 
 
-def test_a_block_near_the_widest_that_the_equations_allow_has_fewer_bases(harmonic):
+def test_a_block_near_the_largest_allowed_width_has_fewer_wider_bases(harmonic):
     scene = replace(harmonic.scene, block=replace(harmonic.scene.block, height=0.215))
     near = replace(harmonic.problem, scene=scene)
     assert [base.widening for base in wider_bases(near, harmonic.runs)] == [0.05]

@@ -42,7 +42,7 @@ def test_an_overturned_block_lies_in_the_film_and_is_labelled():
 
 
 @pytest.mark.parametrize("motion", ["harmonic", "pulse"])
-def test_a_film_shows_the_last_overturning(motion, monkeypatch):
+def test_a_film_lasts_until_the_last_overturning(motion, monkeypatch):
     slow = {"time": 20.0 + examples.history(True).time}
     late = dataclasses.replace(examples.history(True, overturns=True), **slow)
     early = dataclasses.replace(examples.history(False, overturns=True), time=examples.history(True).time)

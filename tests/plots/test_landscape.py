@@ -15,7 +15,7 @@ from tpd.scene.conditions import Conditions
 
 
 @pytest.mark.parametrize("case", ["single", "band", "under_pulses"])
-def test_one_landscape_shows_all_designs(case, request):
+def test_the_landscape_of_every_design_shows_its_trials_and_best_design(case, request):
     design = request.getfixturevalue(case)
     ax, recommended = tpd.plot(design), design.pendulum is not None
     shown = legend(ax)

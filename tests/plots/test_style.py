@@ -43,7 +43,7 @@ def test_the_label_of_an_edge_lies_on_its_longest_part():
     assert name.xy == pytest.approx((0.5, 0.5), abs=0.1)
 
 
-def test_several_axes_share_one_colour_bar_and_an_empty_legend_is_omitted():
+def test_two_axes_share_the_horizontal_scale_and_an_empty_legend_is_omitted():
     above, below = new_axes(2)
     below.set_xlim(0.0, 7.0)
     assert above.get_xlim() == (0.0, 7.0)
