@@ -250,7 +250,7 @@ def smoothed(x: Any, y0: Any = REST, coarser: float = 1.0) -> Answer:
 
 def differences(function: Callable[[np.ndarray], Any], x: Any, i: int, *, share: float = 0.01) -> Any:
     """d function / d x[i]: central differences with steps of `share` of x[i], a half and a quarter
-    of that, extrapolated twice (Richardson), so that the error is of the sixth power of the step."""
+    of that, extrapolated twice (Richardson), so the error is of the sixth power of the step."""
     x = np.asarray(x, dtype=float)
     step = share * max(abs(x[i]), 0.1)
 

@@ -58,7 +58,7 @@ class Swing(tpd.limits.Objective):
 
 
 class Nameless(Lighter):
-    """No dataclass of its own, so that its numbers would not tell it apart."""
+    """No dataclass of its own, so its numbers would not tell it apart."""
 
 
 def evaluation(design: np.ndarray) -> Evaluation:

@@ -53,7 +53,7 @@ def test_annual_rates_follow_from_the_fitted_fragility_curves():
 
 
 def test_the_resamples_of_both_cases_are_paired():
-    # The same motions have the same effect in both cases, so that the ratio varies less than two independent
+    # The same motions have the same effect in both cases, so the ratio varies less than two independent
     # rates do.
     of = rates(outcomes())
     spread = [math.log(x.high / x.low) for x in (*of.cases, of.ratio)]
@@ -67,7 +67,7 @@ def test_an_equal_pendulum_has_the_ratio_one():
 
 
 def test_the_interval_of_the_rate_ratio_has_its_stated_coverage():
-    # 22 earthquakes of two motions that are equal, so that motions alone would give a narrow interval.
+    # 22 earthquakes of two motions that are equal, so motions alone would give a narrow interval.
     true = rates(outcomes(99, 4000), quakes=np.arange(4000) % 2).ratio.mean
     inside = 0
     for seed in range(20):

@@ -69,7 +69,7 @@ def test_housners_restitution_has_the_scatter_measured_on_limestone():
     alone = plan(dataclasses.replace(p, mu=0.0), tpd.Ensemble(size=2000)).p
     np.testing.assert_allclose(np.asarray(alone.e) - housner(alone.nu, alone.rho), apart, atol=1e-14)
     slender = plan(dataclasses.replace(p, nu=0.1), tpd.Ensemble(size=2000)).p
-    # Every impact loses energy, so that every run can end at rest.
+    # Every impact loses energy, so every run can end at rest.
     assert np.max(slender.e) == 0.999
     assert np.mean(np.asarray(slender.e) == 0.999) == pytest.approx(0.2, abs=0.1)
 

@@ -132,7 +132,7 @@ def test_without_friction_an_orbit_can_turn_back_between_two_impacts(x):
 
 
 def test_an_orbit_with_two_equal_turns_counts_once():
-    # Nothing takes energy here, so that a motion may be its own mirror image in time.
+    # Nothing takes energy here, so a motion may be its own mirror image in time.
     for xi in np.linspace(1.5375, 2.5, 27):
         o = solve([(0.15, 0.1, 0.1, 0.0, 0.0, 0.1, xi, 1.0)])
         found = o.amplitude[0, o.exists[0]]

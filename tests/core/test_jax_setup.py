@@ -71,7 +71,7 @@ def test_a_folder_of_other_users_is_not_used_and_gives_one_warning(tmp_path, nam
     status, out, said = run(CACHED, **{name: str(shared)})
     assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
     sentence = (
-        f"compiled code is not stored, so that every run compiles it: other users can write to {shared}; "
+        f"compiled code is not stored, so every run compiles it: other users can write to {shared}; "
         f"run `chmod go-w {shared}`, or set other folders with NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
     )
     assert said == ([] if kept else [sentence])

@@ -322,7 +322,7 @@ def test_the_design_does_not_depend_on_the_order_of_the_records(names):
     np.testing.assert_array_equal(first.trials.designs, second.trials.designs)
     np.testing.assert_array_equal(first.trials.value, second.trials.value)
     assert first.refusals == second.refusals
-    # The runs keep the order of the list, so that their sums may be rounded differently.
+    # The runs keep the order of the list, so their sums may be rounded differently.
     for end in ("mean", "low", "high"):
         numbers = [getattr(d.runs.benefit, end) for d in found]
         assert numbers[0] == pytest.approx(numbers[1], rel=1e-12)

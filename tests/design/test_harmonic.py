@@ -106,7 +106,7 @@ def test_sizes_without_runs_are_ratios_of_orbit_and_bob_to_their_limits():
     made = problem(space=WIDE, conditions=BAND, limits=limits)
     found = made.fixed_sizes(np.array([DESIGN, [0.05, 1.95, 0.2]]))
     assert set(found) == {"clearance", "thickness", "depth", "worsening", "reserve"}
-    # The reserve is at most about one, so that no rocking design has twenty of it.
+    # The reserve is at most about one, so no rocking design has twenty of it.
     assert np.all(found["reserve"] > 1.0)
     e = made.orbits.evaluate(DESIGN[None])
     assert found["reserve"][0] == pytest.approx(2.0 - e.reserve.min() / 20.0)

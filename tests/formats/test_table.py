@@ -186,7 +186,7 @@ def test_times_in_single_precision_have_equal_steps(tmp_path):
 
 def test_a_column_of_velocities_is_left_out(tmp_path):
     rows = (f"{0.01 * i:.2f},{9.0 + x:.4f},{x:.4f}\n" for i, x in enumerate(shaking(100)))
-    # One channel is left, so that none has to be chosen.
+    # One channel is left, so none has to be chosen.
     assert read(tmp_path, "time (s),vel (m/s),acc (m/s2)\n" + "".join(rows)).pga < 5.0
 
 

@@ -259,7 +259,7 @@ def test_a_smoothed_motion_on_another_attractor_is_inexact():
     apart = found.amplitude / expected.amplitude - 1.0
     assert found.steady.estimate == pytest.approx(apart, rel=1e-4)
     assert apart > 5.0
-    # Amplitude and gradient are those of the smoothed motion, so that a descent goes on.
+    # Amplitude and gradient are those of the smoothed motion, so a descent goes on.
     assert np.all(np.isfinite(found.slopes[0]))
     text = str(found.steady)
     assert text.startswith("inexact: From the same initial state, the model with")

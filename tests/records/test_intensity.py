@@ -153,7 +153,7 @@ def test_ground_velocity_and_displacement_equal_the_exact_integrals():
     assert v == pytest.approx([0.0, 0.1, 0.2, 0.1, 0.0], abs=1e-12)
     # The base moves 0.2 m/s times 0.2 s.
     assert d == pytest.approx([0.0, 1 / 300, 0.02, 11 / 300, 0.04], rel=1e-12)
-    # Half of the energy in each triangle, so that times are symmetric about the middle.
+    # Half of the energy in each triangle, so times are symmetric about the middle.
     constant = Record(np.ones(101), 0.1)
     assert significant_times(constant) == pytest.approx((0.5, 9.5), rel=1e-12)
     assert sum(significant_times(record)) == pytest.approx(0.4, rel=1e-12)

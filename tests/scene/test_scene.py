@@ -217,7 +217,7 @@ def test_the_default_losses_are_housners_impacts_without_friction():
 WITH = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
 TIED = Scene(Block(**BLOCK, friction=0.02, restitution="housner"), Harmonic(**MOTION))
 SCENES = {
-    # A cavity moves no parameter, so that it has no derivative to compare.
+    # A cavity moves no parameter, so it has no derivative to compare.
     "friction": Scene(Block(**BLOCK, friction=0.05, restitution=0.9), Harmonic(**MOTION)),
     "housner": TIED,
     "all numbers": Scene(

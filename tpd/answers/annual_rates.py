@@ -101,7 +101,7 @@ class AnnualRates(Printed, Cases):
     def _clause(self, i: int, name: str) -> str:
         """Return a clause with the rate of a case: its years, interval, and probability in 50 years."""
         rate = self.cases[i]
-        # A high rate means few years, so that the ends change places.
+        # A high rate means few years, so the ends change places.
         years = Interval(self.years[i], 1.0 / rate.high, 1.0 / rate.low if rate.low else math.inf)
         if math.isnan(rate.mean):
             why = f"dispersion of the curve: {self.fits[i].words[1]}"
@@ -172,7 +172,7 @@ def rates_of_outcomes(
     draws = [rng.integers(n, size=n) for _ in range(RESAMPLES if n >= LEAST_EARTHQUAKES else 0)]
     # The first row has the motions themselves, the others those of the resamples.
     rows = [np.arange(len(quakes)), *(np.concatenate([members[i] for i in draw]) for draw in draws)]
-    # Both cases have the same earthquakes in a resample, so that their common effects cancel in the ratio.
+    # Both cases have the same earthquakes in a resample, so their common effects cancel in the ratio.
     fits = [[fit_lognormal(stripes, hit[of]) for hit in hits] for of in rows]
     # Lowest and highest rates, and their ratios, each with a row for each resample.
     low, high = np.array([[_allowed(hazard, fit) for fit in row] for row in fits]).T

@@ -32,7 +32,7 @@ from tpd.theory.equations import Terms
 
 _CLOSE = 1e-4
 """Largest relative difference of the sizes of two motions that may be the same. Motions are followed until
-they repeat within a tolerance, so that two runs of one motion end with slightly different sizes."""
+they repeat within a tolerance, so two runs of one motion end with slightly different sizes."""
 _DIVIDED = (*MOVING, *NOT_ATTRACTING)
 """Statuses whose motions are compared with each other."""
 _SAME = 1e-6
@@ -128,7 +128,7 @@ def attractors(
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[Attractor] = []
     for code, group in _groups(settled, felt):
-        # Only the Lyapunov exponent separates chaos from slow decay, so that each motion that has not settled
+        # Only the Lyapunov exponent separates chaos from slow decay, so each motion that has not settled
         # is solved. In other groups one initial state represents the group.
         for starts_of in [[i] for i in group] if code == code_of(Status.not_settled) else [group]:
             s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)

@@ -97,7 +97,7 @@ class Auto(AbstractChoice):
             return replace(steady, model="exact", estimate=estimate, reason=why)
         # The third model. The reason says why the linear equations are not used.
         if not settles:
-            why = f"with the linear equations the outcome is {name}, so that their error cannot be estimated"
+            why = f"with the linear equations the outcome is {name}, so their error cannot be estimated"
         elif close and reached is not None:
             other = status_name(reached.status)
             why = f"the outcome is {name} with the linear and {other} with the nonlinear equations"
@@ -195,7 +195,7 @@ def estimated_error(p: Parameters, phi: Number, psi: Number, slope: Any) -> Numb
     law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa
     ratios = [velocity_ratio(*law, side, jnp.sin(felt), jnp.cos(felt)) for side in (1.0, -1.0)]
     impacts = jnp.maximum(*[jnp.abs(e - linear_ratio(*law)) for e in ratios])
-    # The signs of the parts are unknown, so that their sizes are added.
+    # The signs of the parts are unknown, so their sizes are added.
     parts = (
         (slope.nu, p.nu * (p.f * phi + 0.5 * phi**2)),
         (slope.f, p.f * 0.5 * (phi**2 + felt**2)),

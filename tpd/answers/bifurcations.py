@@ -105,7 +105,7 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     det(I - G) has the same sign. A branch therefore never continues through a fold.
     """
     orbits, names = orbits_at(axis, grid)
-    # Half a period is h = pi/xi, so that the first coordinate is the crossing time as a share of it.
+    # Half a period is h = pi/xi, so the first coordinate is the crossing time as a share of it.
     shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
     arrays_of_orbits = ("amplitude", "swing", "phase", "crossing", "multipliers", "overflow")
@@ -145,7 +145,7 @@ def _joints(
     extrapolation from the previous rows.
     """
     ahead = place[i - 1] + slope[i - 1] * (grid[i] - grid[i - 1])
-    # The prediction may be wrong next to the beginning of a branch, so that the smaller distance counts.
+    # The prediction may be wrong next to the beginning of a branch, so the smaller distance counts.
     apart = np.minimum(_distances(place[i], ahead), _distances(place[i], place[i - 1]))
     allowed = (apart < _APART) & (side[i][:, None] == side[i - 1])
 
@@ -454,7 +454,7 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     touching = float(u[2]) if kind is Kind.grazing else math.nan
     # Crossing and contact must lie within the half period.
     times = [t for t in (u[0], touching) if not math.isnan(t)]
-    # The quantity that vanishes at this point is zero except for rounding, so that its sign is not checked.
+    # The quantity that vanishes at this point is zero except for rounding, so its sign is not checked.
     highest = float(path.rates.max()) - 1e-9 * x[XI] * path.height * (kind is Kind.grazing)
     falling = max(highest, -1.0 if kind is Kind.sticking else path.leaving, path.arriving) < 0
     if not (path.height > 0 and falling and min(times) > 0 and max(times) < np.pi / x[XI]):

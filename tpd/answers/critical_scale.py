@@ -3,9 +3,9 @@
 Overturning is not monotone in the size of a motion: above the smallest factor that overturns the block there
 may be larger factors that do not. A critical scale is therefore the first crossing of a stated scan, and the
 result also has the list of intervals (tongues) above it. The scan begins at a factor at which the block stays
-on its base. While the block is at rest, the swing of the bob is proportional to the motion, so that no
+on its base. While the block is at rest, the swing of the bob is proportional to the motion, so no
 smaller factor lifts the block. At a crossing the state after the motion is on the stable manifold of the
-unstable equilibrium of the tilted block: the growing coordinate q of the last arc vanishes there, so that
+unstable equilibrium of the tilted block: the growing coordinate q of the last arc vanishes there, so
 
     d(scale)/dx = -(dq/dx)/(dq/d scale).
 """

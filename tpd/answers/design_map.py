@@ -121,7 +121,7 @@ def design_map(
     - near_fold, grazing: this orbit attracts, but a small change of the design may remove it;
     - rest: none of the orbits attracts, and a block at rest does not lift. The amplitude is zero, and the
       swing is that of the bob under the block at rest;
-    - neutral: an orbit exists, but it loses no energy, so that it does not attract;
+    - neutral: an orbit exists, but it loses no energy, so it does not attract;
     - unstable: all orbits repel, and a block at rest lifts. The block settles into another motion, which
       depends on the initial state. Amplitude and swing are those of the largest orbit;
     - not_known: no orbit was found, which does not prove that there is none, and a block at rest lifts.
@@ -189,7 +189,7 @@ def _answers(
 ) -> dict[str, np.ndarray]:
     """Return the fields of `DesignMap` as flat arrays, with the codes of the statuses.
 
-    On a cluster the processes share the cores, so that each uses one thread.
+    On a cluster the processes share the cores, so each uses one thread.
     """
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     # The progress is that of the longer part: of the followed motions, if there are any.
@@ -225,7 +225,7 @@ def check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
         if other in NAMES and other in setup.moved(name):
             raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
     (x, xs), (y, ys) = lines.items()
-    # Each parameter with a range is monotonic in each quantity, so that a check of the corners is sufficient.
+    # Each parameter with a range is monotonic in each quantity, so a check of the corners is sufficient.
     for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
         setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
 

@@ -1,7 +1,7 @@
 """Curve of folds in two parameters: the border of the region in which a block cannot rock symmetrically.
 
 At a fold the largest symmetric orbit and the saddle merge and vanish. The fold is a zero of three functions
-of crossing time, phase and parameters (`tpd.compiled.orbits.Vanishing`), so that two parameters leave a curve
+of crossing time, phase and parameters (`tpd.compiled.orbits.Vanishing`), so two parameters leave a curve
 in four unknowns. The fold of the one-harmonic balance (`tpd.theory.fold`) is the initial guess, and
 pseudo-arclength continuation follows the curve: a step along the tangent, then Newton's method in the plane
 normal to the tangent. The curve can therefore turn back in either parameter.
@@ -345,7 +345,7 @@ def _followed(folds: _Folds, start: _Point, most: int) -> tuple[list[_Point], En
         # The first steps are also close to the start, but lead away from it.
         if np.abs(back).max() < step and back @ point.tangent > 0.0 and point.tangent @ start.tangent > 0.9:
             return [*points, start], End.closed
-        # Most of the curve is smooth, so that the step recovers after each sharp turn.
+        # Most of the curve is smooth, so the step recovers after each sharp turn.
         step = min(1.5 * step, _LONGEST)
     return points, End.most_points
 

@@ -165,7 +165,7 @@ class Fragility(Printed, Cases):
                 rows.append((f"  {name}", label, *((counted,) if is_few else case[name].words)))
         lines += aligned(rows)
         runs = len(self.motions) * len(self.stripes)
-        # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
+        # The outcomes without an answer are the same for all states, so one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without a result, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
@@ -266,11 +266,11 @@ def fragility(
     # The factor that scales a motion to a stripe is therefore a quotient.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases, times = cases_of(pendulum), 2 if nonlinear else 1
-    # The tables need neither the swing nor the final state, so that the runs can end early.
+    # The tables need neither the swing nor the final state, so the runs can end early.
     options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
     options |= {"workers": workers, "cluster": cluster}
 
-    # The nonlinear runs follow the exact ones, so that progress continues from one to the other.
+    # The nonlinear runs follow the exact ones, so progress continues from one to the other.
     def shifted(n: int, report: Progress | None = progress) -> Progress | None:
         return None if report is None else lambda done, all_: report(n * all_ + done, times * all_)
 
@@ -294,7 +294,7 @@ def fragility(
         answered = [x[np.isfinite(x)] for x in differs]
         changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in answered)
         unanswered = tuple(int(x.sum()) for x in nonlinear_runs.is_unanswered)
-    # Motions of one earthquake are dependent, so that the test counts earthquakes.
+    # Motions of one earthquake are dependent, so the test counts earthquakes.
     p_values, p_medians = None, None
     if pendulum is not None:
         p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
@@ -515,7 +515,7 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray
 def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Return intercept and slope with the largest likelihood, for x with mean 0 and standard deviation 1.
 
-    The likelihood is concave, so that its derivative vanishes at the maximum.
+    The likelihood is concave, so its derivative vanishes at the maximum.
     """
     basis = np.stack([np.ones_like(x), x])
 
@@ -526,7 +526,7 @@ def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray
         return basis @ (counts * up - (n - counts) * down), -(basis * curvature) @ basis.T
 
     solution = root(score, [float(ndtri(counts.sum() / n.sum())), 0.0], jac=True, tol=1e-14)
-    # `solution.success` is false if rounding ends the iteration, so that the derivative is tested instead.
+    # `solution.success` is false if rounding ends the iteration, so the derivative is tested instead.
     if not np.abs(solution.fun).max() <= _CONVERGED * n.sum():
         raise RuntimeError(f"the fit of a lognormal curve does not end: counts {counts} of {n}")
     return solution.x
@@ -541,7 +541,7 @@ def _sandwich(
     """
     answered = np.isfinite(hits)
     n = int(added_up(answered, earthquakes).any(axis=1).sum())
-    # The scores of all earthquakes add up to zero, so that a single one shows no variance. Two earthquakes
+    # The scores of all earthquakes add up to zero, so a single one shows no variance. Two earthquakes
     # leave one direction without variance, and the curve would be certain at one intensity.
     if n < 3:
         return np.full((2, 2), math.nan), n

@@ -143,7 +143,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     call, row = (LINEAR.on_host, settings) if is_plain else (LINEAR, packed(map(stop_gradient, settings)))
     (record,) = call((shape(numbers_in(STEADY)),), row, *inputs[:2])
     fields = parts(record, STEADY)
-    # Slopes are real numbers, so that complex numbers are divided into their two parts.
+    # Slopes are real numbers, so complex numbers are divided into their two parts.
     numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])
     # If the parameters are a NumPy array, JAX does not differentiate with respect to them.
     if not isinstance(x, np.ndarray):

@@ -26,7 +26,7 @@ from tpd.theory.no_uplift import uplift
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
 """Distances of additional values from a bifurcation, in steps of the sweep. At a fold the amplitude changes
-like a square root, so that equal steps would miss the end of the branch."""
+like a square root, so equal steps would miss the end of the branch."""
 _STEP, _STEPS = 0.004, 12
 """Relative step of additional frequencies near the natural frequency, and their number on either side."""
 
@@ -187,7 +187,7 @@ class Response(Printed, Tabular):
     runs: np.ndarray | None = None
     """Runs from rest near the values, shape (2, m). The first row has the frequency of each run, the second
     row 1 if the block overturns, 0 if it does not, and NaN without a result. The frequencies are powers of
-    one number, which is the same in every response, so that two responses count the same runs. None if
+    one number, which is the same in every response, so two responses count the same runs. None if
     another quantity than the frequency varies."""
 
     def share_overturned(self, low: float, high: float) -> Share:
@@ -237,7 +237,7 @@ def settled_response(
 ) -> Response:
     """Compute the motions that a block settles into from rest, over one parameter or quantity.
 
-    `steady_state` solves each value in about 20 ms, so that the amplitudes are exact. For thousands of
+    `steady_state` solves each value in about 20 ms, so the amplitudes are exact. For thousands of
     designs see `tpd.design_map`.
 
     Args:
@@ -291,7 +291,7 @@ def window(value: float) -> tuple[float, float]:
 
 def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray:
     """Follow runs from rest near the values, see `Response.runs`."""
-    # Next to overturning a change of the frequency by a thousandth is decisive, so that one run at each value
+    # Next to overturning a change of the frequency by a thousandth is decisive, so one run at each value
     # says little.
     low, high = window(line.min())[0], window(line.max())[1]
     # The frequencies are on a fixed grid. The report and `tpd response`, whose ranges differ, therefore

@@ -2,9 +2,9 @@
 
 A settled motion is a fixed point y* of the period map P. Following the motion gives an approximation, and
 Newton's method on P gives the fixed point. The implicit function theorem then gives its derivative,
-dy*/dp = (I - DP)^-1 dP/dp, so that a gradient costs a few periods, however long the transient was. There are
-nine parameters and four states, but many time steps, so that forward mode along these periods is cheaper than
-reverse mode. The result is linear in the direction of the derivative, so that forward and reverse mode can
+dy*/dp = (I - DP)^-1 dP/dp, so a gradient costs a few periods, however long the transient was. There are
+nine parameters and four states, but many time steps, so forward mode along these periods is cheaper than
+reverse mode. The result is linear in the direction of the derivative, so forward and reverse mode can
 both use it. The derivative does not exist where a multiplier is on the unit circle.
 """
 
@@ -343,7 +343,7 @@ def _traced(values: tuple, traced: list[int], solve: Callable[..., Any]) -> Stea
 def _joined(values: tuple, answer: SteadyNumbers, slopes: Any) -> SteadyNumbers:
     """Return the answer, which depends on parameters and initial state with the slopes of its sizes."""
 
-    # A settled orbit does not depend on the initial state, so that the derivatives with respect to the
+    # A settled orbit does not depend on the initial state, so the derivatives with respect to the
     # initial state are zero, or NaN.
     def column(i: int) -> Any:
         return slopes[:, i] if i < WIDTH else 0.0 * slopes[:, NU]

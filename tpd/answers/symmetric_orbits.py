@@ -2,7 +2,7 @@
 
 Most rocking motions that attract are such orbits: one swing to either side in each forcing period, the second
 swing being the mirror image of the first. The orbits are the roots of one scalar equation
-(`tpd.compiled.half_period_kernel`), so that no motion is simulated. Their derivatives follow from the
+(`tpd.compiled.half_period_kernel`), so no motion is simulated. Their derivatives follow from the
 implicit function theorem.
 """
 

@@ -187,7 +187,7 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
         seconds, kept = partial(_seconds, rate), refused
     times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
     tilt_time, swing_time, rod_angle_time = xp.moveaxis(times, -1, 0)
-    # The block lifts before it overturns, so that the time of uplift has a derivative in this case as well.
+    # The block lifts before it overturns, so the time of uplift has a derivative in this case as well.
     has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
         tilt=kept(run.tilt, sound),

@@ -65,7 +65,7 @@ def _problem_of(job: Job, seed: int | None) -> Problem:
             always follows the seed of the job.
     """
     # A limit on the mass narrows the design space, and may leave it empty. The pendulum of this command may
-    # lie outside of the space, so that the limit is added after the space was made.
+    # lie outside of the space, so the limit is added after the space was made.
     others = [limit for limit in job.limits if not isinstance(limit, Mass)]
     settings: dict[str, Any] = job.settings | {"limits": others}
     problem = replace(problem_of(job.scene, **settings), limits=job.limits)
@@ -149,5 +149,5 @@ def _ratios_outside(validation: Validated, space: DesignSpace) -> list[str]:
             bounds = number(low) if low == high else f"{number(low)} to {number(high)}"
             outside = f"lies outside of the design space of the job ({bounds})"
             meaning = "`tpd optimise` cannot return this pendulum"
-            sentences.append(f"The {name} ratio {number(ratio)} {outside}, so that {meaning}.")
+            sentences.append(f"The {name} ratio {number(ratio)} {outside}, so {meaning}.")
     return sentences

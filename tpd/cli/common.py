@@ -110,7 +110,7 @@ def _complete_motion(options: argparse.Namespace) -> None:
         # Without a scale the block is assessed under the records as they are. A design needs scales.
         set_keys(options, "excitation", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
-        # The model for MuJoCo contains no motion, so that any motion will do.
+        # The model for MuJoCo contains no motion, so any motion will do.
         set_keys(options, "excitation", {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
 
 
@@ -192,7 +192,7 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
     mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
     mass = options.pendulum_mass if mu is None else mu * block.mass
     length = options.pendulum_length if lam is None else lam * block.half_height
-    # A map replaces a quantity that it varies, so that its value here does not matter.
+    # A map replaces a quantity that it varies, so its value here does not matter.
     axes = (getattr(options, name, None) for name in "xy")
     varied = {named(axis[0]) for axis in axes if axis}
     if mass is None and {"pendulum_mass", "mu"} & varied:

@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     job, pendulum = common.check_inputs(options)
     file = Path(EXPORTED[options.kind]) if options.out is None else options.out
     # The file is checked before the work, because a history may take seconds. Users edit an exported model,
-    # so that a file is never replaced without --overwrite.
+    # so a file is never replaced without --overwrite.
     files.claim_file(file, overwrite=options.overwrite)
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene

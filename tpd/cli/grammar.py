@@ -166,7 +166,7 @@ def _add_cluster(command: Parser) -> None:
     group = command.add_argument_group(
         "several processes or machines (needs the extra dask)",
         "With one of these options the work is divided into chunks. Finished chunks are stored in "
-        "DIR.chunks, so that the same command continues after an interruption.",
+        "DIR.chunks, so the same command continues after an interruption.",
     )
     either = group.add_mutually_exclusive_group()
     _add_number(either, "--workers", "N", "number of processes on this machine", int)
@@ -199,7 +199,7 @@ def _optimise(command: Parser) -> None:
     _add_job(command, *HARMONIC, *PULSE, *RECORDS, *_options("excitation", "validation_share"))
     _add_group(command, "design space and limits", DESIGN)
     conditions = _add_group(command, "conditions", CONDITIONS)
-    # One option sets many keys of the table [scatter], so that it is no `Option`.
+    # One option sets many keys of the table [scatter], so it is no `Option`.
     text = f"uncertain quantities with their relative half widths. Names: {', '.join(keys()['scatter'])}"
     how: dict[str, Any] = {"nargs": "+", "action": SetWidths, "default": argparse.SUPPRESS}
     conditions.add_argument("--scatter", metavar="NAME=WIDTH", help=text, **how)

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
     if not options.simulate:
-        # A motion from rest can reach other motions, so that folds belong to the map of the orbits only.
+        # A motion from rest can reach other motions, so folds belong to the map of the orbits only.
         pictures["amplitude.png"] = partial(_with_folds, m, scene, pendulum)
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
     # The values of the axes replace those of the scene and the pendulum in the inputs.

@@ -36,7 +36,7 @@ _TABLE = {
 def run(options: argparse.Namespace) -> int:
     """Read the records, print a table, or several lines for a single record, draw the records if `--out` is
     given, and return the exit status."""
-    # A job reads the records, so that they are read as in all other commands.
+    # A job reads the records, so they are read as in all other commands.
     set_keys(options, "excitation", {"records": options.records})
     job, rows, out = job_of(tables_of(options)), [], options.out
     for record in job.motions:

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         for label, case_pendulum in pendulums.items():
             orbits[label] = branches(scene, name, low, high, pendulum=case_pendulum, samples=options.points)
             bar("branches", len(orbits), len(pendulums))
-        # Motions from rest take longer than branches, so that they can be turned off.
+        # Motions from rest take longer than branches, so they can be turned off.
         if options.simulate:
             values = frequencies(own, low, high, options.simulate)
             settled = {

@@ -71,7 +71,7 @@ def _share(safe: float, undecided: int, total: int) -> str:
 
     Args:
         safe: share of the pulses with a solution.
-        undecided: number of pulses without a solution. Each may overturn the block or not, so that the share
+        undecided: number of pulses without a solution. Each may overturn the block or not, so the share
             is a range.
         total: number of pulses.
     """

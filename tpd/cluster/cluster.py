@@ -3,7 +3,7 @@
 The division into chunks depends only on the batch, and one process computes each chunk from the same inputs.
 The result therefore depends neither on the number of workers nor on the loss of workers: Dask gives the chunk
 of a lost worker to another one. If a batch was stopped, it continues with the missing chunks. Only the caller
-writes files, so that workers need no common folder.
+writes files, so workers need no common folder.
 """
 
 from __future__ import annotations

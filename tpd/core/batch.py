@@ -189,7 +189,7 @@ def aside(work: Callable[[], object]) -> Thread:
     """Start `work` in a thread of its own, for example to compile something while the other core is busy.
 
     An error in the thread is dropped: the same work raises it again when its result is needed. The thread is
-    not a daemon, so that the interpreter waits for it. To stop a thread while XLA compiles would abort the
+    not a daemon, so the interpreter waits for it. To stop a thread while XLA compiles would abort the
     process.
     """
     begin = _x64_initializer()
@@ -236,7 +236,7 @@ def shared(
     cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
     report = progress or unreported
     # The pieces are small, because some motions take a hundred times as long as others. Each piece writes its
-    # own rows, so that the order does not matter.
+    # own rows, so the order does not matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
     firsts, done = range(0, n, size), 0
     threads = max(1, min(cores, len(firsts)))

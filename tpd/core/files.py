@@ -130,7 +130,7 @@ def place(path: Path, content: str | bytes, of: str = "") -> Path:
         # If a file has the name of the folder, the next statement finds that it is no directory.
         with contextlib.suppress(FileExistsError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        # A rename within one directory is atomic, so that an interrupted run leaves no incomplete file.
+        # A rename within one directory is atomic, so an interrupted run leaves no incomplete file.
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
         try:
             with open(handle, "wb") as file:
@@ -276,7 +276,7 @@ def say_unkept(why: Exception) -> None:
     """Warn once for each reason that compiled code is not stored, with the reason and a remedy."""
     if str(why) not in _WARNINGS:
         _WARNINGS.add(str(why))
-        warnings.warn(f"compiled code is not stored, so that every run compiles it: {why}", stacklevel=3)
+        warnings.warn(f"compiled code is not stored, so every run compiles it: {why}", stacklevel=3)
 
 
 @contextlib.contextmanager

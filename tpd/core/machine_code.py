@@ -1,6 +1,6 @@
 """Machine code of Numba: translated once per entry function, and loaded only from a cache of the user.
 
-Numba takes 0.3 s to load, so that no module imports this one before it is needed.
+Numba takes 0.3 s to load, so no module imports this one before it is needed.
 """
 
 from __future__ import annotations

@@ -425,10 +425,10 @@ def parts_of(build: Build, inertia: float) -> Parts:
     # A damper that is too long for the cavity gets a shorter arm.
     if arm * build.angle > half:
         arm = half / build.angle
-    # The equation for the rod is a cubic without a quadratic term, so that its roots sum to zero. One root is
+    # The equation for the rod is a cubic without a quadratic term, so its roots sum to zero. One root is
     # positive, and it has the largest real part.
     rod = max(np.roots([math.pi * stress, 0.0, -4.0 * loads.tension, -32.0 * moment]).real)
-    # The linear damper pulls on the rod, so that its force adds to the load of the hinge. A damper at the
+    # The linear damper pulls on the rod, so its force adds to the load of the hinge. A damper at the
     # hinge would not.
     pin = math.sqrt(2.0 * math.sqrt(3.0) * (loads.hinge + moment / arm) / (math.pi * stress))
     rod, pin = (1e-3 * math.ceil(1e3 * float(d)) for d in (rod, pin))
@@ -462,7 +462,7 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
     scene, block = design.scene, design.scene.block
     present = {"restitution": float(block.velocity_ratio) != 1.0, "friction": block.friction}
     names = [name for name in _VARIED if present.get(name, True)]
-    # The reference is the same runs with stated values. They are fewer than the validation runs, so that
+    # The reference is the same runs with stated values. They are fewer than the validation runs, so
     # their benefit differs.
     reference = _compare(design).benefit
     out = [Sensitivity("", 0.0, reference, reference)]
@@ -560,7 +560,7 @@ def _vary(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditio
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     """Return the largest loads over the motions in which the block stands; None if it stands in no motion."""
     histories = [motion_history(scene, pendulum) for scene in scenes]
-    # A block that overturns takes its pendulum with it, so that its loads do not matter.
+    # A block that overturns takes its pendulum with it, so its loads do not matter.
     stands = [h for h in histories if is_one_of(h.status, *STANDING)]
     if not stands:
         return None
@@ -599,7 +599,7 @@ def pull_test(scene: Scene) -> PullTest:
     return PullTest(
         tilt=tilt,
         sway=tilt * float(block.height),
-        # The force acts at twice the height of the weight, so that half the ratio (nu + k) of the weight
+        # The force acts at twice the height of the weight, so half the ratio (nu + k) of the weight
         # lifts the block.
         force=0.5 * (nu + k) * float(block.mass) * g,
         impacts=impacts,

@@ -134,7 +134,7 @@ class Assessment(Printed):
         varied = f"{problem.begin_of_runs} {scatter}"
         lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
-            # The conditions of a harmonic are no sample, so that their share has no interval.
+            # The conditions of a harmonic are no sample, so their share has no interval.
             is_sample = problem.has_earthquakes or runs is self.runs
             for at, rows in levels.items() or [("", slice(None))]:
                 lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")

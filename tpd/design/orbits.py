@@ -1,6 +1,6 @@
 """Symmetric orbits of designs under all conditions, with their derivatives: exact, or followed step by step.
 
-`Orbits` solves all symmetric period-one orbits of a design in closed form, so that its values hold for any
+`Orbits` solves all symmetric period-one orbits of a design in closed form, so its values hold for any
 initial state. It computes the objective of the relevant orbit under each condition, applies the risk measure
 over the conditions, and states the limits as constraints.
 
@@ -190,7 +190,7 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
-        # The uplift margin is a closed form in real numbers, so that a complex step gives its exact
+        # The uplift margin is a closed form in real numbers, so a complex step gives its exact
         # derivative.
         stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, [MU, LAM, ZETA]].T))
         still.append([np.imag(x) / _STEP for x in stepped])

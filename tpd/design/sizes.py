@@ -30,7 +30,7 @@ class Evaluation(NamedTuple):
 
     merit: np.ndarray
     """Quantity that the search minimises. Where the block rocks it is the value of the objective, by default
-    the tilt over nu. Where the block rests it is minus the uplift margin, so that a resting design is better
+    the tilt over nu. Where the block rests it is minus the uplift margin, so a resting design is better
     than any rocking one. Where no motion attracts it is above 1. All merits have derivatives except those of
     orbits near a fold."""
     merit_slope: np.ndarray

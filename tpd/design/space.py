@@ -154,7 +154,7 @@ class DesignSpace:
         """Lower and upper ends of (mu, lam, zeta), shape (2, 3); equal for a fixed value.
 
         Raises:
-            ValueError: the space is in SI units, so that its ratios depend on the block.
+            ValueError: the space is in SI units, so its ratios depend on the block.
         """
         if self.mass_ratio is None or self.length_ratio is None:
             raise ValueError("a space in kg or m has no ratios without a block: use `space.of(block)`")

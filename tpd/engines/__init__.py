@@ -1,7 +1,7 @@
 """Independent rigid-body engines: the same block, pendulum and excitation with other codes than this package.
 
 An engine includes contact, sliding and bouncing, which the equations of the paper neglect. It has no exact
-events, so that its results depend on its time step. Comparisons therefore use two time steps.
+events, so its results depend on its time step. Comparisons therefore use two time steps.
 """
 
 from typing import TYPE_CHECKING, Any

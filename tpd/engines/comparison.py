@@ -128,7 +128,7 @@ class EngineVerdict(Printed):
     @property
     def warning(self) -> str:
         """Sentence that must precede the results; empty if there is nothing to warn of."""
-        # A disagreement is the more serious warning, so that it comes first.
+        # A disagreement is the more serious warning, so it comes first.
         if self.disagrees:
             changes = f"{-100.0 * self.benefit:+.1f} points in {self.engine}"
             expected = f"{-100.0 * self.expected_benefit:+.1f} points in the nonlinear model"
@@ -166,7 +166,7 @@ class EngineVerdict(Printed):
             rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in runs_of)])
             for what, share, name, at in sizes:
                 rows.append([f"{what}{case}: {share}, rad", *(_size(getattr(r, name), at) for r in runs_of)])
-        # The equations include neither sliding nor flight, so that their column is empty in these rows.
+        # The equations include neither sliding nor flight, so their column is empty in these rows.
         bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
             rows.append(["rod to block: 90 %, rad", *(_size(r.rod_angle, 0.9) for r in bodies), "–"])
@@ -213,7 +213,7 @@ def mujoco(
     checks.instance("scene", scene, Scene)
     checks.optional("pendulum", pendulum, Pendulum)
     sliding = checks.positive("sliding", sliding)
-    # Impacts in an engine are Housner's, so that e does not scatter.
+    # Impacts in an engine are Housner's, so e does not scatter.
     ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     version = available()
     with shown(progress) as report:

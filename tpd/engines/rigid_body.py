@@ -1,6 +1,6 @@
 """Block and pendulum as rigid bodies in SI units, and their models as text for MuJoCo and OpenSees.
 
-The block stands on the two lower corners of its cross-section. The coordinates move with the base, so that
+The block stands on the two lower corners of its cross-section. The coordinates move with the base, so
 the acceleration of the base is a force on every mass, at the two centres of mass.
 
 In OpenSees (Tcl) the block consists of stiff beams from its centre of mass to its lower corners and to the

@@ -174,7 +174,7 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
     cos, sin = math.cos(tilt), math.sin(tilt)
     x, z = dx * cos + dz * sin, dz * cos - dx * sin
     at = [side * body.half_width + x, z - body.half_height, tilt]
-    # The block rotates about the corner, so that its velocity is perpendicular to (x, z).
+    # The block rotates about the corner, so its velocity is perpendicular to (x, z).
     moving = [tilt_rate * z, -tilt_rate * x, tilt_rate]
     if body.bob > 0.0:
         return np.array([*at, psi - tilt, *moving, psi_rate - tilt_rate])

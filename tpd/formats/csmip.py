@@ -151,7 +151,7 @@ def _words(text: Header, at: int) -> tuple[str, str, str]:
 
 def _headers(cursor: Cursor, integers: int, reals: int) -> None:
     """Read the headers of numbers. Their content is not used, but they must exist."""
-    # There may be no blanks between fields, so that only the length of a line can be checked.
+    # There may be no blanks between fields, so only the length of a line can be checked.
     for rows, width, what in ((integers, 5, "integer"), (reals, 10, "real")):
         for _ in range(rows):
             line = cursor.next(f"the end of the {what} header").rstrip()

@@ -149,7 +149,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if equal.size and dt > 0.0099:
         raise UnreadableRecord(f"line {first + equal[0] + 1} has the same time as line {first + equal[0]}")
     agree_on_count(round(length.value * rate.value), len(times), "the header (frequency and duration)")
-    # Times have two decimals, so that they may differ from the step by rounding.
+    # Times have two decimals, so they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(steps - dt) > 0.011)
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")

@@ -70,7 +70,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     if numbers[6]:
         length, scale = Decimal.of(numbers[6]), TIMES[units[1]]
         agree(count * dt, length.value * scale, "the length in s", 1.01 * dt + length.unit * scale)
-    # Programs write numbers of one width, so that a last number as long as the others was not cut.
+    # Programs write numbers of one width, so a last number as long as the others was not cut.
     tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
     cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
     # The line above the line of the unit is "event[, date], station, component".

@@ -190,7 +190,7 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
         if re.match(pattern, ends, re.DOTALL):
             raise NoAcceleration(f"the file is {kind}: {remedy}", kind)
     data = _from_utf_16(data)
-    # A text contains no control characters, so that a file with one is not a text or is damaged.
+    # A text contains no control characters, so a file with one is not a text or is damaged.
     if _BINARY.search(data):
         return read_waveforms(data, how.unit)
     text = data.rstrip(b"\x1a")
@@ -271,7 +271,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
-    # Such files state no unit, so that the user must pass it.
+    # Such files state no unit, so the user must pass it.
     factor, event, component = factor_of(None, unit), str(stats.starttime)[:10], stats.channel
     # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):

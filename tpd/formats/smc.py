@@ -81,7 +81,7 @@ def _agree(values: np.ndarray, dt: float, reals: np.ndarray, printed: list[str])
         # Keep only the samples of one sign, to find the extreme of this sign.
         half = np.maximum(sign * values, 0.0)
         stated = Decimal.of(printed[place])
-        # Samples have one digit before the point, so that the size of their last digit depends on the
+        # Samples have one digit before the point, so the size of their last digit depends on the
         # exponent.
         digit = 10.0 ** (np.floor(np.log10(max(abs(stated.value), 1e-30))) - _DIGITS)
         agree_on_peak(sign * half, stated, "the header", digit=float(digit))

@@ -171,7 +171,7 @@ def _sizes_of(p: Any, reached: Run, orbit: Orbit, status: Any, multiplier: Any) 
     last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
     last = jnp.where(status == OVERTURNED, jnp.inf, last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
-    # The amplitude of a block at rest is zero for all neighbouring parameters, so that its slopes are zero.
+    # The amplitude of a block at rest is zero for all neighbouring parameters, so its slopes are zero.
     # The swing of a bob at rest has no slope, because |psi| has a corner there.
     bob_rests = rests & (sizes[SWING] == 0.0)
     amplitude = jnp.where(rests, 0.0, sizes[TILT])

@@ -10,7 +10,7 @@ implicit function theorem, the derivative of u:
 
     F(u, x) = P + y(u) = 0,     u <- u - F_u^-1 F,     du/dx = -F_u^-1 P_x.
 
-The first component of u is the amplitude, so that no search for a peak is necessary. If a design changes
+The first component of u is the amplitude, so no search for a peak is necessary. If a design changes
 little between two steps, orbit and design converge together. Each step returns its residual |F| as an
 estimate of its error.
 """
@@ -205,7 +205,7 @@ def _largest_swing(
     """
     field, begin = motion
     times = begin + times
-    # The half periods before and after this one are its mirror images, so that the samples next to the two
+    # The half periods before and after this one are its mirror images, so the samples next to the two
     # ends are known.
     step = times[1] - times[0]
     ys = jnp.concatenate([-ys[-2:-1], ys, -ys[1:2]])

@@ -105,7 +105,7 @@ def refine(p: Parameters, model: Any, reached: Run, code: Any) -> Orbit:
         steps = jnp.where(better | again, w.steps + 1, NEWTON_STEPS)
         return _Iteration(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
-    # Before the first run the error is infinite, so that every run is better.
+    # Before the first run the error is infinite, so every run is better.
     infinite, sizes = jnp.full((), jnp.inf), jnp.stack([reached.settled_tilt, reached.settled_swing])
     ends = jnp.full(4, jnp.inf), sizes, jnp.full((6, WIDTH), jnp.inf), jnp.full((6, 4), jnp.inf)
     rest = infinite, *ends, infinite, infinite

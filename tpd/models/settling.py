@@ -66,7 +66,7 @@ class Record(NamedTuple):
 
     @property
     def done(self) -> Bool[Array, ""]:
-        """Whether the outcome of the motion is known, so that no further period is necessary."""
+        """Whether the outcome of the motion is known, so no further period is necessary."""
         last = self.newest
         return (self.repeats > 0) | last.rests | last.overturned | last.exhausted
 
@@ -129,7 +129,7 @@ def scale_of(p: Any, *, bob: Any = None) -> Float[Array, "4"]:
     """Return the scales of (phi, psi, phi', psi') to which a repetition error is compared.
 
     A bob without mass (mu = 0) cannot move the block. The scales of its angle and rate are then infinite, so
-    that its state is ignored, unless `bob` is true.
+    its state is ignored, unless `bob` is true.
     """
     rate = jnp.maximum(p.xi, 1.0)
     swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)

@@ -93,7 +93,7 @@ class Smoothed(AbstractFlow):
     sharpness: checks.Real = setting("sharpness", checks.within, 0.002, 1e-6, 1.0)
     """Smoothing width divided by the expected tilt. A smaller width is more accurate and slower. Below 3e-6
     the solver no longer resolves the derivatives in the smoothing layer, although the amplitude is correct.
-    Below 1e-4 the solver may reach `max_steps` on a block at rest, and its steps may miss impacts, so that a
+    Below 1e-4 the solver may reach `max_steps` on a block at rest, and its steps may miss impacts, so a
     motion does not settle."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """diffrax solver for transients and trajectories. The settled period uses `Dopri8`."""

@@ -103,7 +103,7 @@ def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) 
         for artist in moving:
             artist.draw(canvas.get_renderer())
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-        # The first frame has all colours of the film, so that its palette serves for all frames.
+        # The first frame has all colours of the film, so its palette serves for all frames.
         if palette is None:
             palette = picture.quantize(_COLOURS)
             colours = np.array(palette.getpalette()).reshape(-1, 3)
@@ -194,7 +194,7 @@ def _shapes(scene: Scene, r: Reel, i: int, factor: int, base: float) -> tuple[np
     block = corners(scene, float(r.tilt[i]) * (1 if r.is_overturned[i] else factor), base)
     if r.pendulum is None or r.is_overturned[i]:
         return block, np.zeros((0, 2))
-    # The tilt is magnified, so that the hinge is placed within the drawn block.
+    # The tilt is magnified, so the hinge is placed within the drawn block.
     share = r.pendulum.hinge_in(scene.block) / scene.block.height
     return block, rod(block, r.pendulum.length, float(r.swing[i]), share)
 

@@ -28,7 +28,7 @@ Label = tuple[str, tuple[float, float]]
 _TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
 """Largest height of each view, largest width of the left view, and width of the figure, inches.
 
-This is the width of an A4 page between its margins, so that the printed texts keep their size."""
+This is the width of an A4 page between its margins, so the printed texts keep their size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
 """Space for dimensions and texts around both views, inches."""
 
@@ -45,7 +45,7 @@ def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
     a, height = 0.5 * scene.block.width, scene.block.height
     upright = np.array([[-a, 0.0], [a, 0.0], [a, height], [-a, height]])
     pivot = np.array([math.copysign(a, -tilt), 0.0])
-    # Points are row vectors, so that the matrix on the right is the transpose of the usual rotation matrix.
+    # Points are row vectors, so the matrix on the right is the transpose of the usual rotation matrix.
     c, s = math.cos(tilt), math.sin(tilt)
     return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot + np.array([base, 0.0])
 

@@ -92,7 +92,7 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
     if m.start is not None and "rest" in kinds:
         kinds["rest"] = ("", "settles at rest")
     handles = []
-    # Statuses without an entry share one hatching, so that the kinds are made unique.
+    # Statuses without an entry share one hatching, so the kinds are made unique.
     for hatch, label in dict.fromkeys(kinds.values()):
         here = np.isin(m.status, [s for s in uncoloured if kinds[s] == (hatch, label)])
         if hatch:
@@ -230,7 +230,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     ax = new_axes() if ax is None else ax
     # The curve continues a little beyond the intensity levels.
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
-    # Through a few earthquakes a curve would rank the cases by chance, so that only their shares are drawn.
+    # Through a few earthquakes a curve would rank the cases by chance, so only their shares are drawn.
     fine = fine if fragility.earthquakes >= LEAST_EARTHQUAKES else fine[:0]
     for case, style in zip(fragility.cases, CASES, strict=False):
         _curve(ax, fragility.stripes, case[state], fine, style)

@@ -76,7 +76,7 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
 
 def measure_of(name: str, block: Block, gravity: checks.Real, period: checks.Real | None) -> Measure:
     """Return the quantity of an intensity measure, such as PGA, with an intensity of 1 in SI units."""
-    # The measures of one quantity are proportional to each other, so that any motion shows their ratio.
+    # The measures of one quantity are proportional to each other, so any motion shows their ratio.
     motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
     own, si = (intensity_of(x, block, gravity, period) for x in (name, name.partition("_")[0]))
     return Measure(si.name, si.value(motion) / own.value(motion))

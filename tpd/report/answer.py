@@ -13,7 +13,7 @@ from tpd.report.summary import headline, other_reasons, summary
 
 MOST = 34
 """Largest number of lines. The command prints up to nine lines on block and excitation before the search, so
-that the whole output has at most forty-three lines."""
+the whole output has at most forty-three lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
 _ALONE = "block", "excitation", "uplift", "sliding"

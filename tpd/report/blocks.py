@@ -176,6 +176,6 @@ def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
         first: prefix of the first line.
         rest: prefix of all other lines.
     """
-    # `textwrap` does not break a line at a no-break space, so that a number stays beside its unit.
+    # `textwrap` does not break a line at a no-break space, so a number stays beside its unit.
     lines = textwrap.wrap(glued(text), _WIDTH, initial_indent=first, subsequent_indent=rest)
     return [line.replace("\u00a0", " ") for line in lines]

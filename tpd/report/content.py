@@ -133,12 +133,12 @@ def content(
         date: date of the report, for the title.
         record_notes: notes of the reader on the files of the records.
     """
-    # A picture whose data is missing has no figure, so that the report does not refer to it.
+    # A picture whose data is missing has no figure, so the report does not refer to it.
     name = project.get("name") or ""
     first, drawn = summary(design, details, directory, name), figures(design, details)
 
     def picture(file: str) -> list[Block]:
-        # A picture whose data is missing has no figure, so that the report does not refer to it.
+        # A picture whose data is missing has no figure, so the report does not refer to it.
         return [drawn[file]] if file in drawn else []
 
     front: list[Block] = [*picture("front.svg"), _front(details.front, design)] if details.front else []

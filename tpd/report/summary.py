@@ -123,7 +123,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "friction", design.sliding
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
-        # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
+        # The linear equations can give another benefit than the nonlinear ones, so the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {percent(m.low.mean)}" for m in details.sensitivity if not m.name]
         count, listed = details.losses[0].runs.pairs, ", ".join([*stated, *cases])

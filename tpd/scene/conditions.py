@@ -52,7 +52,7 @@ class Normal(NamedTuple):
 
     def factors(self, unit: np.ndarray) -> np.ndarray:
         """Return factors 1 + d with the difference d at probabilities between 0 and 1."""
-        # Few commands need this module, so that its import is here.
+        # Few commands need this module, so its import is here.
         from statistics import NormalDist
 
         quantile = NormalDist(1.0 + self.mean, self.deviation).inv_cdf
@@ -150,7 +150,7 @@ class Conditions:
     def __mul__(self, other: Conditions) -> Conditions:
         if not isinstance(other, Conditions):
             return NotImplemented
-        # The first set varies slowly, so that its values are repeated. Those of the second set are tiled.
+        # The first set varies slowly, so its values are repeated. Those of the second set are tiled.
         n, m = len(self), len(other)
         if self.motions and other.motions:
             raise ValueError("only one of two sets of conditions can have ground motions, but both have some")
@@ -348,7 +348,7 @@ class Conditions:
                 unknown, or a half width is not allowed.
         """
         checks.instance("motions", motions, Sequence)
-        # A ground motion has an end, so that a harmonic becomes a train of sines.
+        # A ground motion has an end, so a harmonic becomes a train of sines.
         listed = tuple(train_of(m) if isinstance(m, Harmonic) else m for m in motions)
         if not listed:
             raise ValueError("`motions` must contain at least one ground motion, but is empty")
@@ -444,7 +444,7 @@ def under(p: Parameters, design: Any, factors: Any) -> Parameters:
     """Return the parameters of one design (mu, lam, zeta), along the first axis, under one condition.
 
     The factors of the condition are in the order of `FACTORS`. The amplitude of the base displacement does
-    not change with the frequency, so that f is proportional to the square of the frequency factor. If rho
+    not change with the frequency, so f is proportional to the square of the frequency factor. If rho
     follows from nu, and e from nu, rho and mu, they also do so here, but xi does not change with them. e is
     at most 1, because an impact adds no energy.
     """
@@ -483,7 +483,7 @@ def under_each(p: Parameters, designs: Any, factors: np.ndarray) -> Parameters:
             to Housner's e, because measurements state the difference from it. The sum is at least 0, and
             at most 0.999 unless Housner's e is larger.
     """
-    # All leaves need the same length, so that rho and e become numbers. They may differ between conditions.
+    # All leaves need the same length, so rho and e become numbers. They may differ between conditions.
     q = under(p, designs, factors)
     e = np.asarray(q.velocity_ratio)
     # A number e has its factor already. No impact throws the block back, and each one loses energy: a block
@@ -501,7 +501,7 @@ def latin_hypercube(
     axis.
 
     With `axis_by_axis` the generator draws strata and positions of one axis before those of the next axis, so
-    that the first axes do not depend on the number of axes. Without it, all strata are drawn before all
+    the first axes do not depend on the number of axes. Without it, all strata are drawn before all
     positions.
     """
     # Both orders are needed: stored results depend on the points of a seed.

@@ -187,7 +187,7 @@ class PulseKind(NamedTuple):
     """Function that returns the acceleration."""
     cubics: int
     """Number of cubics that represent a pulse, or a period of a train. Their error is below 2e-9 (of a train
-    4e-8). The error averages out, so that motions are accurate to 1e-12 (`tests/answers/test_transient.py`
+    4e-8). The error averages out, so motions are accurate to 1e-12 (`tests/answers/test_transient.py`
     doubles the number)."""
     periods: float | None = 1.0
     """Duration in periods. None means the duration of the envelope, `Pulse.cycles`."""
@@ -258,7 +258,7 @@ class Pulse(GroundMotion):
         checks.set_checked(self, checks.number, "cycles")
         checks.set_checked(self, checks.within, "phase", -2.0 * math.pi, 2.0 * math.pi, " rad")
         if PULSES[self.kind].is_train:
-            # The number of periods determines the shapes of arrays, so that it must be a plain whole number.
+            # The number of periods determines the shapes of arrays, so it must be a plain whole number.
             whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)
             if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
                 allowed = f"a whole number from 1 to {_LONGEST_TRAIN}"

@@ -50,7 +50,7 @@ def velocity_ratio(
 def bob_change(ratio: Any, e: Any, nu: Any, lam: Any, kappa: Any, side: Any, sine: Any, cosine: Any) -> Any:
     """Return the change of psi' over phi' before, for an impact that multiplies phi' by r = `ratio`.
 
-    The other arguments are those of `velocity_ratio`. The rod exerts a force only along itself, so that the
+    The other arguments are those of `velocity_ratio`. The rod exerts a force only along itself, so the
     bob keeps its velocity across the rod. The hinge moves sideways at kappa phi', and upwards at s nu phi'
     before the impact and at -s nu phi' after it:
 
@@ -85,7 +85,7 @@ def housner(nu: Any, rho: Any, mu: Any = 0.0) -> Any:
 
     Arguments are numbers, arrays or traced values. Before the impact the block rotates about one corner, and
     after the impact about the other. The impact force acts at the new corner and has no moment about it, so
-    that the angular momentum of block and bob about this corner is conserved. The height of the hinge does
+    the angular momentum of block and bob about this corner is conserved. The height of the hinge does
     not matter.
 
     Per unit mass the angular momentum of the block is (c^2 + b^2 - a^2) phi' before and (c^2 + b^2 + a^2)

@@ -165,7 +165,7 @@ class Setup:
         if name == "amplitude":
             check_excitation(values, q["frequency"])
         if name == "frequency" and "amplitude" in q:
-            # The acceleration grows with the square of the frequency, so that the upper end of a wide range
+            # The acceleration grows with the square of the frequency, so the upper end of a wide range
             # may exceed any ground motion: check only the lower end.
             check_excitation(q["amplitude"], values.min())
 
@@ -234,7 +234,7 @@ class Axis:
         varied."""
         setup, name = Setup.of(subject, pendulum), named(name)
         setup.check("name", name)
-        # A parameter varies while the other parameters are fixed, so that the scene is replaced by its
+        # A parameter varies while the other parameters are fixed, so the scene is replaced by its
         # parameters.
         if setup.scene and name in NAMES:
             setup = Setup.of(setup.at({}))

@@ -79,7 +79,7 @@ class Record(GroundMotion):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
             return NotImplemented
-        # Arrays have no single truth value, so that the generated comparison of a dataclass would fail.
+        # Arrays have no single truth value, so the generated comparison of a dataclass would fail.
         pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.compare)
         return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
 
@@ -127,7 +127,7 @@ class Record(GroundMotion):
         peak = xp.max(xp.abs(a))
         # A record of zeros has no peak to divide by.
         a = a / xp.where(peak > 0.0, peak, 1.0)
-        # The acceleration is linear between samples, so that the quadratic and cubic coefficients are zero.
+        # The acceleration is linear between samples, so the quadratic and cubic coefficients are zero.
         zero = xp.zeros_like(a[1:])
         return xp.stack([a[:-1], a[1:] - a[:-1], zero, zero], axis=1)
 

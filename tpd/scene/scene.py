@@ -155,7 +155,7 @@ class Block:
             checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
         checks.not_negative("friction", self.friction, every=True)
         # The moment of the weight about a corner is M g a = nu M g b, and it decreases with the tilt. A
-        # larger friction moment would hold the block at any tilt, so that it neither returns nor overturns.
+        # larger friction moment would hold the block at any tilt, so it neither returns nor overturns.
         meaning = "it is a moment over M g b and not a coefficient of sliding"
         most = f"width/height ({meaning}; a larger one holds the block at any tilt)"
         checks.at_most("friction", self.friction, self.slenderness, most)

@@ -146,7 +146,7 @@ class Equations(eqx.Module):
             if self.terms is Terms.linear:
                 return rates
             # The parametric term is an additional moment on the block. The mass matrix couples both angles,
-            # so that this moment accelerates both.
+            # so this moment accelerates both.
             moment = -step * linear.f * linear.weight * phi * sine
             by_moment = jnp.stack([linear.m22, -linear.m21]) / linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
@@ -174,7 +174,7 @@ class Equations(eqx.Module):
         """
         if self.terms is Terms.nonlinear:
             return 0.5 * jnp.pi
-        # Beyond the balance a solution of (25) grows like exp(tau), so that a factor of ten costs little
+        # Beyond the balance a solution of (25) grows like exp(tau), so a factor of ten costs little
         # time. The factor allows for the moment that the bob exerts on the block.
         linear = self.linear
         return 10.0 * (linear.weight + linear.friction + linear.f * linear.tilt) / linear.tilt
@@ -209,7 +209,7 @@ def smoothed_rates(
     share = jnp.where(ratio == 1.0, 1.5 - 0.5 * ratio, -jnp.log1p(-loss) / loss) / (2.0 * tilt_width)
     decay = share * jnp.stack([ratio - 1.0, linear_bob_change(ratio, *law)])
     if terms is Terms.nonlinear:
-        # (4) has another law of impacts, so that e must be 1. `Smoothed.check` cannot reject a traced e; then
+        # (4) has another law of impacts, so e must be 1. `Smoothed.check` cannot reject a traced e; then
         # all rates are NaN.
         decay = jnp.where(p.velocity_ratio == 1.0, jnp.zeros(2), jnp.nan)
 

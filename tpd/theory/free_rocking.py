@@ -1,7 +1,7 @@
 """Free rocking without damping in closed form: (11) of the paper, extended to a pendulum.
 
 A symmetric free motion is its own mirror image half a period later. If it turns at tau = 0, it is even in
-tau, so that phi and psi both vanish a quarter of a period later. In between the block stands on one corner
+tau, so phi and psi both vanish a quarter of a period later. In between the block stands on one corner
 and (25) is linear: the solution is a static part and two modes cosh(s_j tau) with det(M s_j^2 + K) = 0. One
 s_j^2 is positive (the block tilts further) and one is negative (the bob swings, and cosh becomes cos). The
 static tilt is divided into parts w_j of the two modes, so that
@@ -172,7 +172,7 @@ def turning_tilts(
     """Return the tilts at the turns of free rocking without a pendulum, and the times of the turns.
 
     From a turn at phi to the impact, the weight less the friction does the work G = (nu - k) phi - phi^2/2.
-    After the impact the energy e^2 G remains, so that the next turn is at phi' with
+    After the impact the energy e^2 G remains, so the next turn is at phi' with
     (nu + k) phi' - phi'^2/2 = e^2 G (linear model). Between turn and impact the tilt is a hyperbolic
     cosine of time.
 

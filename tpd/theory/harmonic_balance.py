@@ -7,7 +7,7 @@ With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp
         - h (kappa rho xi^2 - i xi c_p)/D + i (64/pi^3) (1 - e)/(1 + e) (1 + mu rho nu^2) xi^2
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] = 0
 
-The last term of A is the loss at impacts. A light block falls back almost at constant acceleration, so that
+The last term of A is the loss at impacts. A light block falls back almost at constant acceleration, so
 its tilt is a parabola in time with the peak Phi, which reaches zero with the mean rate v = (4/pi) xi Phi.
 Two impacts then dissipate 4 (1 - e)/(1 + e) (1 + mu rho nu^2) v^2 in each period, because the inertia of
 block and bob in an impact is 1 + mu rho nu^2. A viscous moment c phi' dissipates pi c xi Phi^2, and c xi is
@@ -236,7 +236,7 @@ def fold(p: Parameters) -> Fold:
     across = _dot(1j * balance.a, balance.signs)
     # The branches merge at -Re(A w*)/|A|^2, which is no amplitude if it is negative.
     exists = along < 0.0
-    # At the fold A Phi + w is perpendicular to A, so that F = i Im(A w*) A/(|A|^2 B); across = -Im(A w*).
+    # At the fold A Phi + w is perpendicular to A, so F = i Im(A w*) A/(|A|^2 B); across = -Im(A w*).
     forcing = -1j * across * balance.a / (a2 * balance.b)
     size = jnp.abs(across) / jnp.sqrt(a2 * _abs2(balance.b))
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))

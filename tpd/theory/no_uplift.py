@@ -6,7 +6,7 @@ D = 1 - lam rho xi^2 + i xi c_p. The moment on the block then has the amplitude 
     B = 1 + kappa mu + (kappa mu rho lam xi^2 - i xi mu lam c_p)/D
 
 and weight and friction resist this moment up to (1 + mu) nu + k. Without damping D = 1 - x with x = lam rho
-xi^2 = l omega^2/g, so that the swing is f/|x - 1| and B = 1 + kappa mu/(1 - x). A pendulum that is longer
+xi^2 = l omega^2/g, so the swing is f/|x - 1| and B = 1 + kappa mu/(1 - x). A pendulum that is longer
 than g/omega^2 swings against the base and relieves the block: its moment is f - kappa mu Z.
 `lightest_pendulum` solves for the mass. All formulas accept arrays in the fields of `Parameters`.
 """
@@ -177,7 +177,7 @@ def uplift(p: Parameters) -> Uplift:
         (0.307, 0.125)
     """
     check_parameters(p)
-    # At rest the friction of rocking resists uplift to both sides, so that k is added to the capacity. The
+    # At rest the friction of rocking resists uplift to both sides, so k is added to the capacity. The
     # swing of an undamped bob is infinite at resonance, hence the division by zero.
     with np.errstate(divide="ignore", invalid="ignore"):
         size2, b_real, b_imag = _transfer(p)
