@@ -40,7 +40,7 @@ INTERNAL = {
     "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
     "Cluster": "client map",
-    "Conditions": "axis column description factor_rows ranks scattered tables units which",
+    "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
     "Design": (
         "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing "
         "wider_bounds"
@@ -49,9 +49,9 @@ INTERNAL = {
         "beyond bounds bounds_at ends hinge_ratio logarithms longest names of sample scaled searched slopes "
         "table unscaled with_ratios"
     ),
-    "EngineVerdict": "finer losses step step_matters",
+    "EngineVerdict": "ensemble finer losses scene sliding step step_matters",
     "Ensemble": "dealt draws half_widths seeded starts widths",
-    "Fragility": "changed measure p_medians quakes unanswered",
+    "Fragility": "cases changed measure p_medians quakes unanswered",
     "GroundMotion": "digest in_drawing piece pieces quantities swing_in_drawing",
     "Harmonic": "in_drawing in_words quantities swing_in_drawing",
     "Hazard": "factor measure table",
@@ -69,7 +69,7 @@ INTERNAL = {
     "Pulse": "piece pieces",
     "Record": "piece pieces",
     "Risk": "cap name",
-    "Runs": "cluster columns condition ended is_lifted lam mu nu of reshape rows stands starts summary",
+    "Runs": "cluster columns condition ended impacts is_lifted lam mu nu of reshape rows stands starts summary",
     "Scene": "quantities",
     "Smoothed": "cycle resolution round_off settle_exactly widths",
     "StoredDesign": "content path versions",
