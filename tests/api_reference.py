@@ -69,7 +69,9 @@ INTERNAL = {
     "Pulse": "piece pieces",
     "Record": "piece pieces",
     "Risk": "cap name",
-    "Runs": "cluster columns condition ended impacts is_lifted lam mu nu of reshape rows stands starts summary",
+    "Runs": (
+        "cluster columns condition ended impacts is_lifted lam mu nu of reshape rows stands starts summary"
+    ),
     "Scene": "quantities",
     "Smoothed": "cycle resolution round_off settle_exactly widths",
     "StoredDesign": "content path versions",
