@@ -78,9 +78,12 @@ ALLOWED = frozenset({"tpd.cli.options: parse_known_args", "tpd.scene.status: not
 """Exceptions: a method that overrides one of argparse, and a public status."""
 VAGUE = re.compile(
     r"(_|^)(hung|bare|found|told|tells|says?|said|asks?|asked|mee?ts?|tried|judged|nobody|leans?|hangs?|struck|"
-    r"strikes?|spared|fresh|with_it|on_the_way|of_its_own|in_place_of)(_|$)|^(what|it|those|that)_"
+    r"strikes?|spared|fresh|with_it|on_the_way|of_its_own|in_place_of|answers?|answered|honest|knows?|things?|works|"
+    r"refuse[sd]?|are_those_of|alike|nothing|anything|everything)(_|$)|^(what|it|those|that)_"
 )
 """Words in names of tests that do not state what must hold."""
+SO_THAT = 125
+"""Largest number of "so that" in the package. It states a purpose; a consequence has "so" or "therefore"."""
 VERBS = re.compile(
     r"\b(is|are|was|were|must|has|have|had|cannot|can|needs?|gives?|does|do|did|may|allowed|ends?|fails?|"
     r"failed|holds?|names?|takes?|reads?|lacks?|moves?|stands?|belongs?|contains?|exists?|"
@@ -162,6 +165,11 @@ def test_the_name_of_a_test_states_what_must_hold():
     assert not found, "\n".join(found)
 
 
+def test_so_that_does_not_become_more_frequent():
+    texts = "".join(path.read_text(encoding="utf-8") for path in FILES)
+    assert len(re.findall(r"\bso\s+(?:# )?that\b", texts)) <= SO_THAT, "write so, therefore or because"
+
+
 @pytest.mark.parametrize("word", FORBIDDEN)
 def test_text_for_users_keeps_to_the_glossary(word):
     texts = [
@@ -182,7 +190,7 @@ def test_text_for_users_keeps_to_the_glossary(word):
 
 
 @pytest.mark.parametrize("word", COMPETING | FORBIDDEN)
-def test_the_guide_has_one_term_for_one_thing(word):
+def test_the_guide_has_one_term_for_each_concept(word):
     # Other tests check the sources of generated pages, and old names are in the page of changes.
     left_out = {"README.md", "api.md", "job_file.md", "changes.md"}
     pages = [page for page in PAGES if page.suffix == ".md" and page.name not in left_out]

@@ -171,7 +171,7 @@ def asks_by_stand_in(node: ast.AST) -> bool:
     return any(name.endswith(("conditions.motions", ".groups", ".levels")) for name in names)
 
 
-def test_problem_classes_define_everything_that_depends_on_the_excitation():
+def test_problem_classes_define_all_behaviour_that_depends_on_the_excitation():
     # The two problems themselves are where the kinds differ.
     paths = [path for name, path in MODULES.items() if folder(name) in ASKING]
     trees = [tree(path) for path in paths if path.stem not in ("harmonic", "ground_motion")]

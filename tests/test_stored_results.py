@@ -56,7 +56,7 @@ def test_the_hash_of_a_benchmark_changes_with_the_source_of_its_modules_only(tmp
         stored.code("quoted")
 
 
-def test_the_tables_of_every_page_are_those_of_the_files():
+def test_the_tables_of_every_page_equal_the_stored_results():
     for path, text in stored.pages().items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: python -m tests.benchmarks --draw"
 

@@ -40,7 +40,7 @@ def test_options_define_a_pendulum_in_si_units_or_in_ratios():
         pendulum("response --pendulum-damping 0.2")
 
 
-def test_job_words_state_the_levels_of_records_and_nothing_for_a_harmonic():
+def test_only_a_job_of_records_states_its_levels_in_words():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"excitation": records})
     assert two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha); at 1 the block lifts)"

@@ -19,7 +19,7 @@ def section(report, title):
     return found.blocks
 
 
-def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
+def test_the_first_screen_has_verdict_dangers_summary_and_one_comparison():
     report = content(harmonic(), details(), project={"name": "Tower"}, date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
