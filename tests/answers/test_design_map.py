@@ -176,8 +176,8 @@ def test_an_axis_can_have_values_that_only_the_other_axis_allows():
 def test_a_map_plot_colours_rocking_cells_and_hatches_other_cells():
     m = over_motion()
     ax = tpd.plot(m)
-    assert ax.get_xlabel() == "frequency of the base motion (Hz)"
-    assert ax.get_ylabel() == "amplitude of the base motion (m)"
+    assert ax.get_xlabel() == "frequency of the excitation (Hz)"
+    assert ax.get_ylabel() == "amplitude of the excitation (m)"
     for axes, drawn in ((ax, m.status == "rocking"), (tpd.plot(m, "swing"), m.status != "unstable")):
         (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
         shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)

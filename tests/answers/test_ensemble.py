@@ -175,7 +175,7 @@ def test_invalid_subjects_are_rejected():
 
 
 # The paper's Table 1: cases of which it says what happens, as shares over ensembles of runs. A block of
-# 0.1 m x 0.4 m, base motion 15 mm x cos(2 pi 2.5 Hz t) from rest, 20 s, Housner's impacts, no damping in the
+# 0.1 m x 0.4 m, excitation 15 mm x cos(2 pi 2.5 Hz t) from rest, 20 s, Housner's impacts, no damping in the
 # hinge; the base's amplitude within 1 %, half of the starts sudden and half growing over 5 periods (2 s).
 # MuJoCo, Siconos and Chrono settle the bare block at 0.345 to 0.349 of arctan nu.
 

@@ -144,7 +144,7 @@ response --mass-ratio 0.1 --pendulum-length 0.5 | `--pendulum-length` must be at
 response --from 0 | `--from` must be positive and finite, but is 0
 response --from 3 --to 2 | `--from` must be below `--to`, but they are 3 and 2
 response --points 3 | `--points` must be between 8 and 100000, but is 3
-response --simulate 1 | `--simulate` must be a whole number, 2 or more, but is 1
+response --runs-from-rest 1 | `--runs-from-rest` must be a whole number, 2 or more, but is 1
 map X | the following arguments are required: --y
 map X --y lam a 1 | `--y` must be a name and two numbers, but is lam a 1
 map X --y lam 1 0.1 | `--y` must have the lower number first, but goes from 1 to 0.1
@@ -238,6 +238,7 @@ optimise --held-out 0.5 | unrecognized arguments: --held-out; it is now called `
 optimise --demand cvar | unrecognized arguments: --demand; it is now called `--risk`
 optimise --measure cvar | unrecognized arguments: --measure; it is now called `--risk`
 map BOB X --y lam 0.1 1 --from-rest | arguments: --from-rest; it is now called `--simulate`
+response --simulate 40 | unrecognized arguments: --simulate; it is now called `--runs-from-rest`
 job excitation.scale = 10 | there is no key `scale` in [excitation]; it is now called `factor`
 optimise --allowed 0.1 | unrecognized arguments: --allowed; it is now called `--wall-contacts`
 job risk.measure = 'cvar' | there is no table [risk]; it is now the key `risk` of [search]

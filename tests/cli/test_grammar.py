@@ -18,7 +18,7 @@ from tpd.cli import grammar, main, optimise, options, parser
 from tpd.cli.new import template
 
 SMALL = {
-    "response": "--points 8 --simulate 0",
+    "response": "--points 8 --runs-from-rest 0",
     "map": "--points 3",
     "spectrum": "--points 3",
     "shake": "--free 1",
@@ -35,10 +35,10 @@ WRITES = {
 """Files of the commands that do not write to the folder tpd-COMMAND."""
 
 
-def help_of(capsys, *words: str) -> str:
-    """Return the help of a command."""
+def help_of(capsys, *words: str, flag: str = "--help-all") -> str:
+    """Return the help of a command with all options, or that of another flag."""
     with pytest.raises(SystemExit):
-        main([*words, "--help"])
+        main([*words, flag if words else "--help"])
     return capsys.readouterr().out
 
 
@@ -46,7 +46,9 @@ def test_help_and_version_do_not_import_jax():
     code = f"""
 import sys
 from tpd.cli import main
-for words in (["--version"], ["--help"], *([name, "--help"] for name in {[*grammar.COMMANDS]})):
+names = {[*grammar.COMMANDS]}
+flags = "--help", "--help-all"
+for words in (["--version"], ["--help"], *([name, flag] for name in names for flag in flags)):
     try:
         main(words)
     except SystemExit:
@@ -70,6 +72,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     for expected in (
         f"{first_sentence('block', 'width')} (default 0.1)",
         f"{first_sentence('space', 'mass_ratio')} --",
+        f"{first_sentence('space', 'damping_ratio')} (default 0.05 0.6)",
         f"--exactly {first_sentence('conditions', 'exactly')}",
         f"--seed N {first_sentence('search', 'seed')} (default 0)",
         "--no-walls no walls around the bob: no limit on clearance",
@@ -82,8 +85,26 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
 def test_every_command_has_exactly_its_help_texts():
     texts = tomllib.loads(Path(grammar.__file__).with_name("commands.toml").read_text(encoding="utf-8"))
     assert [*texts] == [*grammar.COMMANDS]
-    allowed = {"summary", "activity", "description", "exit_status", "example"}
-    assert all({"summary", "description", "example"} <= {*text} <= allowed for text in texts.values())
+    required = {"summary", "common", "description", "example"}
+    allowed = required | {"activity", "exit_status"}
+    assert all(required <= {*text} <= allowed for text in texts.values())
+
+
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_the_short_help_fits_on_a_screen_and_names_the_long_one(command, capsys):
+    short, all_options = (help_of(capsys, command, flag=flag) for flag in ("--help", "--help-all"))
+    assert short.startswith(f"usage: tpd {command} [options] ")
+    assert short.count("\n") <= 20
+    assert f"tpd {command} --help-all" in short
+    assert short.rstrip().splitlines()[-1] == all_options.rstrip().splitlines()[-1]
+    assert {*re.findall(r"--[a-z-]+", short)} <= {*re.findall(r"--[a-z-]+", all_options)}
+
+
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_the_help_states_a_default_once(command, capsys):
+    for entry in re.split(r"\n  (?=-)", help_of(capsys, command)):
+        defaults = re.findall(r"\(default [^)]*\)", " ".join(entry.split("\n\n")[0].split()))
+        assert len(defaults) == len({*defaults}), entry
 
 
 @pytest.mark.parametrize("command", grammar.COMMANDS)

@@ -41,4 +41,4 @@ def test_the_amplitude_map_shows_the_fold_curve():
     folds = tpd.fold_curve(scene, "frequency", "amplitude", **ranges, pendulum=pendulum)
     assert len(folds.points) > 20
     np.testing.assert_array_equal(ax.lines[-1].get_xydata(), folds.points)
-    assert ax.get_ylabel().startswith("amplitude of the base motion")
+    assert ax.get_ylabel().startswith("amplitude of the excitation")

@@ -12,7 +12,7 @@ from tpd.answers.motion_history import motion_history
 from tpd.answers.response import branches, frequencies
 from tpd.scene.conditions import train_of
 
-RANGE = "--from 1.7 --to 3 --points 24 --simulate 2 --pendulum-mass 0.8 --length-ratio 0.5"
+RANGE = "--from 1.7 --to 3 --points 24 --runs-from-rest 2 --pendulum-mass 0.8 --length-ratio 0.5"
 
 
 def test_response_writes_the_branches_of_the_library(run):
@@ -49,10 +49,10 @@ def test_response_writes_the_branches_of_the_library(run):
 
 
 def test_a_dimensionless_sweep_keeps_the_acceleration(run):
-    done = run("response", "--from 2.6 --to 3 --points 8 --dimensionless --simulate 0")
+    done = run("response", "--from 2.6 --to 3 --points 8 --dimensionless --runs-from-rest 0")
     assert done.status == 0
     assert "without a pendulum: 1 branches from 2.6 to 3\n" in done.out
-    assert "Run the command with --simulate N to find out" in done.out
+    assert "Run the command with --runs-from-rest N to find out" in done.out
     expected = branches(tpd.paper_scene().parameters(), "xi", 2.6, 3.0, samples=8).sweep
     amplitudes = [float(r["amplitude_rad"]) for r in done.rows("branches.csv")]
     np.testing.assert_array_equal(amplitudes, expected.amplitude[:, 0])

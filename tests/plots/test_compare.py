@@ -27,7 +27,7 @@ def test_conditions_are_drawn_in_order_and_in_si_units(band):
     known = np.where(without.attracts[0], nu * without.tilt[0], np.nan)[::-1]
     assert lines(ax)["without pendulum"].get_ydata() == pytest.approx(known, nan_ok=True)
     assert lines(below)["bob"].get_ydata() == pytest.approx(exact.orbits.swing[0, ::-1])
-    assert below.get_xlabel() == "frequency of the base motion (Hz)"
+    assert below.get_xlabel() == "frequency of the excitation (Hz)"
     low, high = ax.get_ylim()
     assert -0.05 * high <= low <= 0.0
 

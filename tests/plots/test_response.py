@@ -39,7 +39,7 @@ def test_the_response_plot_separates_overturned_and_unsettled_frequencies():
     low, high = ax.get_ylim()
     assert low == 0.0
     assert high > 0.027
-    assert ax.get_xlabel() == "frequency of the base motion (Hz)"
+    assert ax.get_xlabel() == "frequency of the excitation (Hz)"
     assert "(rad)" in ax.get_ylabel()
 
 
@@ -101,7 +101,7 @@ def test_a_response_can_be_plotted_and_tabulated_with_shares():
     response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=examples.PENDULUM)
     above, below = tpd.plot(response, without=examples.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
     assert legend(above) == {"without pendulum", "with pendulum"}
-    assert below.get_xlabel() == "frequency of the base motion (Hz)"
+    assert below.get_xlabel() == "frequency of the excitation (Hz)"
     with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
         tpd.plot(response, axis=None)
     table = response.to_dataframe()

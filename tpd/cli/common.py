@@ -39,7 +39,7 @@ class Case(NamedTuple):
     """Inputs of a command."""
 
     job: jobs.Job
-    """Block, base motion and settings."""
+    """Block, excitation and settings."""
     pendulum: Pendulum | None
     """Pendulum of the design or of the options; None without a pendulum."""
 
@@ -163,7 +163,7 @@ def print_header(
     """Print the inputs of a command, so that the user notices a wrong default before the work begins.
 
     Args:
-        scene: block, losses and base motion.
+        scene: block, losses and excitation.
         pendulum: equivalent point mass, printed if there is one.
         motion: description of the motion instead of that of the scene.
         notes: lines on the records that were read, printed first.
@@ -228,7 +228,7 @@ def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = 
     """Return the inputs of a command for its JSON file.
 
     Args:
-        scene: block and base motion; samples of records are left out.
+        scene: block and excitation; samples of records are left out.
         pendulum: None without a pendulum.
         job: job of ground motions, for the facts about its records.
     """

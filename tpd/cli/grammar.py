@@ -86,6 +86,7 @@ def parser(about: str, version: str) -> Parser:
         # The formatter of the help puts what follows "Example: " on a line of its own.
         end = f"{text.get('exit_status', _DONE)}\nExample: {text['example']}"
         command = commands.add_parser(name, help=text["summary"], description=text["description"], epilog=end)
+        command.have_short_help(text["summary"], text["common"].split())
         command.set_defaults(activity=text.get("activity", ""))
         add_options(command)
     return top
@@ -110,15 +111,15 @@ def _add_group(command: Parser, title: str, options: Iterable[Option], text: str
 
 
 def _add_scene(command: Parser, *motions: Option) -> None:
-    """Add the options that describe a block and its base motion."""
+    """Add the options that describe a block and its excitation."""
     text = "job file in TOML; the options below replace its values"
     command.add_argument("--scene", type=path_of, metavar="FILE", help=text)
     block = (
         "Default: the block of Collini et al. (2016). For another block give --width, --height, --mass and "
-        "the base motion."
+        "the excitation."
     )
     _add_group(command, "block", BLOCK, block)
-    command.add_argument_group("base motion", "One of these kinds. It replaces the motion of the job file.")
+    command.add_argument_group("excitation", "One of these kinds. It replaces the motion of the job file.")
     kinds = {"harmonic": HARMONIC, "pulse": PULSE, "files of records": READING}
     records = [option for option in motions if not any(option in kind for kind in kinds.values())]
     # Each command has some of the kinds of motion. The options for reading files come last.
@@ -128,17 +129,17 @@ def _add_scene(command: Parser, *motions: Option) -> None:
 
 
 def _add_job(command: Parser, *motions: Option) -> None:
-    """Add the options that name a job file, or describe a block and its base motion."""
+    """Add the options that name a job file, or describe a block and its excitation."""
     text = "job file in TOML, the same as --scene FILE; `tpd new` writes one"
     command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help=text)
     _add_scene(command, *motions)
 
 
 def _add_case(command: Parser, *motions: Option) -> None:
-    """Add the options that name a design, or describe a block, its base motion and a pendulum."""
+    """Add the options that name a design, or describe a block, its excitation and a pendulum."""
     text = (
-        "folder with a report of `tpd optimise`, or its design.json: block, base motion and pendulum are "
-        "taken from there. A job file is given with --scene"
+        "folder with a report of `tpd optimise`, or its design.json, with block, excitation and pendulum; "
+        "a job file is given with --scene"
     )
     command.add_argument("design", type=path_of, nargs="?", metavar="DESIGN", help=text)
     _add_scene(command, *motions)
@@ -237,14 +238,14 @@ def _explore(command: Parser) -> None:
 
 def _response(command: Parser) -> None:
     _add_case(command, *HARMONIC)
-    text = "frequency, Hz (default {} times that of the base motion)"
+    text = "frequency, Hz (default {} times that of the excitation)"
     _add_number(command, "--from", "HZ", f"lowest {text.format(0.4)}", dest="low")
     _add_number(command, "--to", "HZ", f"highest {text.format(2)}", dest="high")
     _add_number(command, "--points", "N", "number of points on each branch (default 400)", int, default=400)
     text = "vary the frequency ratio xi at constant base acceleration f; --from and --to are values of xi"
     _add_switch(command, "--dimensionless", f"{text}, dimensionless")
     text = "number of frequencies at which motions from rest are simulated, 0 for none (default 40)"
-    _add_number(command, "--simulate", "N", text, int, default=40)
+    _add_number(command, "--runs-from-rest", "N", text, int, default=40)
     _add_out(command, "tpd-response")
 
 

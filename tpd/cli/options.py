@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -30,12 +31,45 @@ class _Help(argparse.HelpFormatter):
         return super()._fill_text(paragraph, width, indent) + more
 
 
+class _HelpAll(argparse.Action):
+    """Action of argparse that prints the help with all options."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        print(argparse.ArgumentParser.format_help(parser), end="")
+        parser.exit()
+
+
 class Parser(argparse.ArgumentParser):
-    """Parser that reports an error in one sentence and accepts no abbreviated options."""
+    """Parser that reports an error in one sentence, accepts no abbreviated options, and has a short help."""
+
+    _summary = ""
+    """Sentence of the short help; empty if the parser has one help only."""
+    _common: Sequence[str] = ()
+    """Names of the arguments in the short help. The first has no hyphens."""
 
     def __init__(self, **settings: Any) -> None:
         # An abbreviation that is unique today may be ambiguous in the next version.
         super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
+
+    def have_short_help(self, summary: str, common: Sequence[str]) -> None:
+        """Let `--help` show only a sentence and the common arguments. `--help-all` shows all of them."""
+        self._summary, self._common = f"{summary[:1].upper()}{summary[1:]}.", common
+        self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain all options and exit")
+
+    def format_help(self) -> str:
+        """Return the text of `--help`: for a command the arguments that most people need."""
+        if not self._summary:
+            return super().format_help()
+        # An argument without hyphens, such as JOB, is named by its placeholder.
+        named = {name: x for x in self._actions for name in (*x.option_strings, x.metavar)}
+        short = self._get_formatter()
+        short.add_usage(f"{self.prog} [options] {self._common[0]}", [], [])
+        short.add_text(self._summary)
+        short.start_section(f"common options (all options: {self.prog} --help-all)")
+        short.add_arguments(named[name] for name in self._common)
+        short.end_section()
+        short.add_text(f"\nExample: {str(self.epilog).partition('Example: ')[2]}")
+        return short.format_help()
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Parse the arguments. Reject repeated options, and unknown ones with a suggestion for a misspelt

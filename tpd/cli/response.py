@@ -1,4 +1,4 @@
-"""`tpd response`: tilt and swing of the steady motion over the frequency of the base motion."""
+"""`tpd response`: tilt and swing of the steady motion over the frequency of the excitation."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     status."""
     scene, pendulum = case.job.scene, case.pendulum
     name, low, high = _range(options, scene)
-    if options.simulate != 0:
-        checks.count("--simulate", options.simulate, least=2)
+    if options.runs_from_rest != 0:
+        checks.count("--runs-from-rest", options.runs_from_rest, least=2)
     common.print_header(scene, pendulum, at_rest=AtRest.under(scene))
     own = _own_value(scene, name)
     orbits: dict[str, Branches] = {}
@@ -52,8 +52,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             orbits[label] = branches(scene, name, low, high, pendulum=case_pendulum, samples=options.points)
             bar("branches", len(orbits), len(pendulums))
         # Motions from rest take longer than branches, so they can be turned off.
-        if options.simulate:
-            values = frequencies(own, low, high, options.simulate)
+        if options.runs_from_rest:
+            values = frequencies(own, low, high, options.runs_from_rest)
             settled = {
                 label: settled_response(scene, name, values, pendulum=case_pendulum, progress=bar)
                 for label, case_pendulum in pendulums.items()
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     near = {label: response.between(*window(own)) for label, response in settled.items()}
     lines = [f"{label}: {case_orbits}" for label, case_orbits in orbits.items()]
     # A tiny change of the frequency decides whether a single run overturns. Therefore shares of many runs are
-    # printed: near the frequency of the base motion, and over the range that a report shows.
+    # printed: near the frequency of the excitation, and over the range that a report shows.
     for ends in (window(own), own * np.array(BAND)) if settled else ():
         first, last = np.clip(ends, low, high)
         if first < last:
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         trains = [train_of(scene.excitation, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
         lines += wrapped(sliding(scene, trains, pendulum))
     else:
-        lines.append(outputs.PERIODIC_ONLY.format("--simulate N"))
+        lines.append(outputs.PERIODIC_ONLY.format("--runs-from-rest N"))
     print_answer("", *lines)
     content = {
         **common.json_inputs(scene, pendulum),
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 
 
 def _own_value(scene: Scene, name: str) -> float:
-    """Return the frequency (Hz) of the base motion, or its frequency ratio if `name` is "xi"."""
+    """Return the frequency (Hz) of the excitation, or its frequency ratio if `name` is "xi"."""
     return float(scene.parameters().xi) if name == "xi" else float(scene.excitation.frequency)
 
 

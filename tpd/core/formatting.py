@@ -172,7 +172,8 @@ def number_hint(text: str) -> str:
 _RENAMED = (
     "worth=requirements strikes=wall_contacts held_out=validation_share room=clearance file=out "
     "demand=risk measure=risk,reduce,search.risk risk=search.risk allowed=wall_contacts "
-    "starts=designs,searches from_rest=simulate,starts.kind scale=factor sliding=base_friction "
+    "starts=designs,searches from_rest=simulate,runs_from_rest,starts.kind "
+    "simulate=runs_from_rest scale=factor sliding=base_friction "
     "method=finish study=details ramps=growth ramp=growth "
     "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
     "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "

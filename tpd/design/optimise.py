@@ -77,7 +77,7 @@ def optimise(
     designs, and the second one is validated only if limits are the only reason against the first.
 
     Args:
-        scene: block and base motion in SI units. Under ground motions a block alone is sufficient.
+        scene: block and excitation in SI units. Under ground motions a block alone is sufficient.
         space: bounds and fixed values of the pendulum, as ratios or in kg and m; default `DesignSpace()`.
         conditions: excitations for which the design must work; default `Conditions.around(scene)`.
         starts: initial states of the search. The default `Starts.any()` counts the largest motion that
@@ -291,7 +291,7 @@ def optimise_all(
     """Find a pendulum for every scene; see `tpd.optimise`.
 
     Args:
-        scenes: blocks with their base motion; under ground motions blocks alone.
+        scenes: blocks with their excitation; under ground motions blocks alone.
         cluster: processes or machines; without it the searches run one after the other. One search uses all
             cores of its machine, so one process per machine is fastest.
         progress: True for a progress bar on stderr, or a function of (scenes done, total).

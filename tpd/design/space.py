@@ -68,7 +68,7 @@ class DesignSpace:
     """Ratio l/b of the length of the pendulum to half the height of the block: one fixed number, or two
     bounds (default 0.1 1.5)."""
     damping_ratio: Bounds = (0.05, 0.6)
-    """Damping ratio zeta of the hinge: one fixed number, or two bounds (default 0.05 0.6)."""
+    """Damping ratio zeta of the hinge: one fixed number, or two bounds."""
     mass: Bounds | None = None
     """Mass of the equivalent point in kg, instead of the mass ratio: one fixed number, or two bounds (the
     heavier body as built is limited by `mass` in [limits])."""

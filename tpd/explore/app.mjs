@@ -73,7 +73,7 @@ const isFirst = ({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Mat
 
 // Values and their sources
 
-/** Return the base motion of the controls, as `parameters` takes it. */
+/** Return the excitation of the controls, as `parameters` takes it. */
 function excitation() {
   // Under a ground motion the frequency only sets the length of a step.
   if (ground) return { peak: ground.peak * state.scale, frequency: scene.rate / (2 * Math.PI) };
@@ -123,7 +123,7 @@ function simulate(pendulum) {
   return { ...largest, history, hasEnded, outcome };
 }
 
-/** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
+/** Return the stored validation runs that hold for this pendulum and excitation; undefined without any. */
 function runsNear({ mass, length, damping }) {
   const at = [mass, length, damping], motion = controls.filter(({ group }) => group === "excitation");
   const holds = ({ low, high }) => at.every((x, i) => x >= low[i] * (1 - 1e-6) && x <= high[i] * (1 + 1e-6));
@@ -228,7 +228,7 @@ function shareText(hits) {
 /** Simulate all runs with and without the pendulum. Pauses keep the page responsive, and a later call ends this one. */
 async function simulateRuns(pendulum) {
   const call = (simulateRuns.call = {}), key = JSON.stringify(excitation()), all = trials.kinds["all starts"];
-  // The runs without a pendulum are still valid if the base motion is the same.
+  // The runs without a pendulum are still valid if the excitation is the same.
   if (simulateRuns.key !== key) [simulateRuns.key, simulateRuns.alone] = [key, []];
   const cases = [{ pendulum, falls: [] }, { pendulum: null, falls: simulateRuns.alone }], [own, alone] = cases;
   const pause = (time) => new Promise((done) => setTimeout(done, time));
@@ -453,7 +453,7 @@ function drawMotions() {
 
 // Everything together
 
-/** Return the largest values without a pendulum, which only a change of the base motion or of the start changes. */
+/** Return the largest values without a pendulum, which only a change of the excitation or of the start changes. */
 function simulateAlone() {
   const key = JSON.stringify([excitation(), state.push]);
   if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];

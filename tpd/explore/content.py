@@ -65,7 +65,7 @@ _RUN_ROWS = ("overturned", "Share overturned in the report"), ("mean", "Mean til
 """Names and labels of the rows on validation runs."""
 _NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
 """Numbers by their words in a file."""
-_NO_RUNS = "no validation runs near this design and base motion"
+_NO_RUNS = "no validation runs near this design and excitation"
 _SCALES = 0.1, 5.0
 """Range of the slider of the factor on a ground motion."""
 
@@ -250,7 +250,7 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
             for n, count in counts.items()
         ]
 
-    # Without a pendulum, or with a known one, only the base motion varies: these tables can be finer.
+    # Without a pendulum, or with a known one, only the excitation varies: these tables can be finer.
     fine = axes_of(_FINE)
     tables = {"grid": solve(scene, axes_of(_COUNTS), start).encoded()}
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")

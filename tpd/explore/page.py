@@ -52,7 +52,7 @@ def explore(design: Subject) -> Page:
     """Return an interactive page of a design: sliders, the response to them, and a block that rocks.
 
     The page has number fields and sliders for mass, length and damping of the pendulum and for frequency and
-    amplitude of the base motion. It shows the steady tilt over frequency and over mass and length, the
+    amplitude of the excitation. It shows the steady tilt over frequency and over mass and length, the
     limits, the pendulum to scale, and the motion of the block with and without the pendulum by the nonlinear
     equations (4). Each value on the page names its source.
 

@@ -61,7 +61,7 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
     picture, because a record of the acceleration does not contain the displacement.
 
     Args:
-        scene: block and base motion.
+        scene: block and excitation.
         pendulum: the pendulum; None for the block alone.
         histories: exact time histories, without and, if there is one, with the pendulum.
     """

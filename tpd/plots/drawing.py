@@ -1,4 +1,4 @@
-"""Drawing of a scene to scale: block, pendulum and base motion with their dimensions in SI units."""
+"""Drawing of a scene to scale: block, pendulum and excitation with their dimensions in SI units."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def plot_scene(
     rod, body at rest and at both ends of its swing, depth and walls.
 
     Args:
-        scene: block and base motion.
+        scene: block and excitation.
         pendulum: the equivalent point pendulum; None for the block alone.
         swing: largest bob angle, rad, which is drawn on both sides.
         bob: the bob as a body. Without this argument a steel ball is dotted around the point mass.
@@ -239,7 +239,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
 
     Args:
         ax: axes of the right view.
-        scene: block and base motion.
+        scene: block and excitation.
         built: the pendulum as built.
         side: half width of the view without dimensions and labels, m.
         scale: inches per metre.

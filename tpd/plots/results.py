@@ -64,7 +64,7 @@ def plot(
         >>> response = tpd.settled_response(tpd.paper_scene(), "frequency", [2.0, 2.5, 3.0])
         >>> axes = tpd.plot(response, own=2.5)
         >>> axes[-1].get_xlabel()
-        'frequency of the base motion (Hz)'
+        'frequency of the excitation (Hz)'
         >>> axes[0].figure.savefig("response.png")  # doctest: +SKIP
     """
     # The first matching class decides.

@@ -49,7 +49,7 @@ def _sizes(design: Design, build: Build) -> Table:
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
         rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
-    # The uplift acceleration depends on the frequency of the base motion. Its limits for slow and fast
+    # The uplift acceleration depends on the frequency of the excitation. Its limits for slow and fast
     # motions have closed forms.
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"

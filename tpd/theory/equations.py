@@ -153,7 +153,7 @@ class Equations(eqx.Module):
         sin, cos, sin_apart, cos_apart = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
         side, high = step * p.nu, p.kappa
         big_s, big_c = side * sin_apart + high * cos_apart, side * cos_apart - high * sin_apart
-        # Moments on the block: weight and base motion, centripetal force of the bob, friction and hinge.
+        # Moments on the block: weight and excitation, centripetal force of the bob, friction and hinge.
         r1 = linear.tilt * sin - step * linear.weight * cos
         r1 = r1 - linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
         r1 = r1 - p.mu * rho * p.lam * big_c * dpsi**2 - drag * linear.friction - linear.c1 * slip
