@@ -42,7 +42,10 @@ FORBIDDEN = {
 """Expressions that the glossary forbids in text for users, and what to write instead."""
 COMPETING = {
     r"exact model|exact motions?\b(?! of)": "linear model (small angles, solved exactly)",
+    r"linear equations(?! \((4|25)\))": "linear model, nonlinear model",
     r"velocity ratio": "coefficient of restitution",
+    r"\bsmooths? signs|smoothed signs": "smoothed model",
+    r"\bused up\b|% used\b": "utilisation",
     r"severit(y|ies)": "tilt of a run",
     r"base motion": "excitation",
     r"with(out| no) an answer": "without a result",
