@@ -26,9 +26,21 @@ class Scripted(NoisyProblem):
         return dataclasses.replace(self.method, worse=self.requirements.worse)
 
 
-def validated(runs: PairedRuns, limits=(), **given):
-    problem = NoisyProblem.of(limits=limits)
-    return validate(Scripted(**(problem.inputs | {"method": runs} | given)), DESIGN)
+class Twice(Scripted):
+    """Two results of paired runs: those that decide and those that are quoted."""
+
+    def paired_runs(self, design, seed, **how):
+        return self.method[seed == run_seed(self, 0, 1)]
+
+
+class Once(Scripted):
+    """The same runs decide and are quoted."""
+
+    has_validation_runs = False
+
+
+def validated(runs: PairedRuns | tuple[PairedRuns, PairedRuns], limits=(), of=Scripted, **given):
+    return validate(of(**(NoisyProblem.of(limits=limits).inputs | {"method": runs} | given)), DESIGN)
 
 
 def kinds(v) -> list[str]:
@@ -97,16 +109,10 @@ def test_the_required_measure_determines_the_verdict(with_it, without, tilts, st
 def test_quoted_runs_use_the_measure_of_the_deciding_runs():
     """Of the runs that are quoted 1 % overturn without the pendulum, and of those that decided slightly
     fewer."""
-
-    class Twice(Scripted):
-        def paired_runs(self, design, seed, **how):
-            return self.method[seed == run_seed(self, 0, 1)]
-
-    given = NoisyProblem.of(limits=()).inputs | {"method": (overturnings(0, 3), overturnings(0, 4))}
-    v = validate(Twice(**given), DESIGN)
+    runs = overturnings(0, 3), overturnings(0, 4)
+    v = validated(runs, of=Twice)
     assert (v.measure, v.reasons, v.runs.first_measure) == ("tilt", (), "overturning")
-    given |= {"limits": (tpd.limits.Mass(0.1),)}
-    assert validate(Twice(**given), DESIGN).measure == ""
+    assert validated(runs, (tpd.limits.Mass(0.1),), Twice).measure == ""
 
 
 def test_identical_runs_show_no_benefit():
@@ -258,25 +264,13 @@ def test_deciding_and_quoted_runs_are_disjoint():
 
 def test_harm_in_the_quoted_runs_rejects_a_design_and_a_smaller_benefit_does_not():
     """The runs that decided have the benefit; those that are quoted have half of it, or harm."""
-
-    class Twice(Scripted):
-        def paired_runs(self, design, seed, **how):
-            return self.method[seed == run_seed(self, 0, 1)]
-
     good, less = paired([0.1] * 40, [0.5] * 40), paired([0.4, 0.42] * 400, [0.5] * 800)
     harm = paired([np.inf] * 8 + [0.01] * 32, [0.5] * 40)
     for quoted, expected in ((less, []), (harm, ["overturns_more"])):
-        given = NoisyProblem.of(limits=()).inputs | {"method": (good, quoted)}
-        v = validate(Twice(**given), DESIGN)
+        v = validated((good, quoted), of=Twice)
         assert kinds(v) == expected
         assert v.runs is quoted
         assert v.runs.benefit.mean < v.decided.benefit.mean
-
-
-class Once(Scripted):
-    """No runs are held back."""
-
-    has_validation_runs = False
 
 
 def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
@@ -287,8 +281,7 @@ def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
 
 
 def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
-    given = NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes()}
-    v = validate(Once(**given), DESIGN)
+    v = validated(in_earthquakes(), of=Once)
     assert v.reasons == ()
     assert v.status is DesignStatus.recommended
     assert v.quoted.with_pendulum is v.decided.with_pendulum
@@ -300,7 +293,7 @@ def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
     # The runs themselves stay as they are, and a benefit far above the required one as well.
     assert v.quoted.change("mean severity") == v.decided.change("mean severity")
     assert v.quoted.unconditional.benefit == alone
-    sure = validate(Once(**(given | {"method": in_earthquakes(gain=0.8)})), DESIGN)
+    sure = validated(in_earthquakes(gain=0.8), of=Once)
     for end in ("low", "mean", "high"):
         assert getattr(sure.quoted.benefit, end) == pytest.approx(
             getattr(sure.decided.benefit, end), abs=1e-4
@@ -314,7 +307,7 @@ def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
 def test_quoted_earthquakes_do_not_decide():
     """With enough earthquakes one half decides, and the other one is quoted."""
     runs = in_earthquakes(80)
-    v = validate(Scripted(**(NoisyProblem.of(limits=()).inputs | {"method": runs})), DESIGN)
+    v = validated(runs)
     assert v.quoted.passed is None
     assert not np.any(v.decided.counted & v.quoted.counted)
     assert np.all(v.decided.counted | v.quoted.counted)
@@ -327,7 +320,7 @@ def test_too_few_earthquakes_prevent_any_other_status(gain):
     class Few(Once):
         evidence = DesignStatus.too_few
 
-    v = validate(Few(**(NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes(2, gain)})), DESIGN)
+    v = validated(in_earthquakes(2, gain), of=Few)
     assert kinds(v) == ["too_little_benefit"]
     assert v.status is DesignStatus.too_few
 
