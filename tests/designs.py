@@ -2,8 +2,8 @@
 is made once in a session."""
 
 import functools
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -34,6 +34,11 @@ SMALL = {
     "ensemble": Ensemble(size=96, periods=30),
 }
 """Settings of a search of a few seconds."""
+
+
+def with_block(scene: tpd.Scene, **changes: Any) -> tpd.Scene:
+    """Return the scene with other fields of its block."""
+    return replace(scene, block=replace(scene.block, **changes))
 
 
 def outcomes(tilt, swing=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0) -> Runs:

@@ -192,7 +192,7 @@ def test_the_sensitivity_under_records_uses_the_validation_records(ground):
     ],
 )
 def test_each_loss_model_dissipates_as_much_energy_as_the_block(e, k, friction, impacts):
-    scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=e, friction=k))
+    scene = designs.with_block(SCENE, restitution=e, friction=k)
     p = scene.parameters()
     friction = float(equivalent_friction(p, p.nu / 3.0)) if friction is None else friction
     found = {name: (m.friction, m.restitution) for name, m in loss_models(scene).items()}

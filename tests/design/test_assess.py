@@ -1,6 +1,5 @@
 """The block alone: margins, sliding, runs without a pendulum, and what helps instead of one."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -34,8 +33,7 @@ def test_a_statue_below_uplift_is_assessed_without_runs():
 
 
 def test_a_block_that_slides_before_uplift_is_not_simulated():
-    block = dataclasses.replace(SCENE.block, base_friction=0.1)
-    found = tpd.assess(dataclasses.replace(SCENE, block=block))
+    found = tpd.assess(designs.with_block(SCENE, base_friction=0.1))
     assert found.runs is None
     assert found.verdict.startswith("NOT APPLICABLE: the block slides on its base before it lifts")
     assert "It slides at 0.1 g, and lifts at 0.3 g." in found.verdict
@@ -79,15 +77,14 @@ def test_assess_simulates_every_record_at_every_level():
 
 @pytest.mark.parametrize("share", [1.0, 0.9])
 def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
-    block = dataclasses.replace(SCENE.block, effective_width=share)
-    scene = dataclasses.replace(SCENE, block=block)
+    scene = designs.with_block(SCENE, effective_width=share)
     problem = problem_of(scene, conditions=tpd.Conditions.exactly(), limits=())
     alone = problem.at_rest
     found = alternatives(problem)
     # Moments about the corner: the tie pulls at the height 2 b.
     f = alone.peak
     assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 * share - 0.05 * 0.2))
-    wide = dataclasses.replace(SCENE, block=dataclasses.replace(block, width=found.width, cavity_width=None))
+    wide = designs.with_block(scene, width=found.width, cavity_width=None)
     assert wide.uplift == pytest.approx(f)
     # An undamped oscillator passes on 1/(r^2 - 1) at r times its frequency.
     r = found.isolation * 2.5

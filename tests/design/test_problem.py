@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.designs import RATIOS, SCENE, NoisyProblem, outcomes
+from tests.designs import RATIOS, SCENE, NoisyProblem, outcomes, with_block
 from tpd import limits
 from tpd.design.as_built import build_of
 from tpd.design.ground_motion import GroundMotionProblem
@@ -71,7 +71,7 @@ def test_excitations_and_scatter_out_of_range_are_rejected():
         check_moves(still, tpd.Conditions())
     with pytest.raises(ValueError, match=r"must give .* of at most 10 g, but 1\.5 m at 2\.5 Hz give 37\.7 g"):
         check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0))
-    smooth = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, friction=0.0))
+    smooth = with_block(SCENE, friction=0.0)
     with pytest.raises(ValueError, match="`friction` cannot vary by a share of itself, because it is 0"):
         check_scatter(smooth, ["friction"])
     with pytest.raises(ValueError, match="`damping` cannot vary"):

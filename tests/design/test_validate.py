@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired
+from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired, with_block
 from tpd.answers.paired import PairedRuns
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus, ReasonKind
@@ -199,11 +199,10 @@ def test_a_bob_as_built_over_a_limit_is_rejected_despite_runs_without_a_result()
         float(Bob().reach(mass, length, 0.02)) for mass, length in ((hung.mass, hung.length), (body, rod))
     )
     assert point < built
-    block = dataclasses.replace(SCENE.block, cavity_width=point + built)
     tilt = np.full(50, 0.01)
     tilt[-1] = np.nan
     runs = paired(tilt, [0.5] * 50, swing=0.0175, design=DESIGN)
-    scene = dataclasses.replace(SCENE, block=block)
+    scene = with_block(SCENE, cavity_width=point + built)
     for allowed in (0.01, 0.05):
         v = validated(
             runs, (tpd.limits.Clearance(),), scene=scene, requirements=Requirements(wall_contacts=allowed)

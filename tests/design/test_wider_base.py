@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.designs import outcomes, paired
+from tests.designs import outcomes, paired, with_block
 from tpd.answers.paired import Decision
 from tpd.design.wider_base import WiderBase, wider_bases, worth_of
 
@@ -67,8 +67,7 @@ def test_bases_are_widened_until_one_has_the_effect_of_the_pendulum(harmonic, re
 
 
 def test_a_block_near_the_largest_allowed_width_has_fewer_wider_bases(harmonic):
-    scene = replace(harmonic.scene, block=replace(harmonic.scene.block, height=0.215))
-    near = replace(harmonic.problem, scene=scene)
+    near = replace(harmonic.problem, scene=with_block(harmonic.scene, height=0.215))
     assert [base.widening for base in wider_bases(near, harmonic.runs)] == [0.05]
 
 
