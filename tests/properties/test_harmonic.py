@@ -31,7 +31,8 @@ def free(case):
     p = Parameters(nu=nu, mu=mu, lam=lam, zeta=0.0, k=0.0, f=0.0, xi=2.0, e=1.0)
     # So gently that no block comes near its balance, where differences grow without end.
     y0 = 0.4 * nu * np.array([tilt, swing, 0.5 * tilt_rate, 0.5 * swing_rate])
-    return p, y0
+    # Squares of smaller numbers would underflow.
+    return p, np.where(np.abs(y0) < 1e-100, 0.0, y0)
 
 
 def moved(p, y0, times=TIMES):

@@ -20,18 +20,18 @@ ORDERS = 32
 """Largest number of coefficients of a series."""
 PHI, V, PSI, R, APART, APART_RATE, FORCE = places(7)
 """Rows of the coefficients of phi, phi', psi, psi', psi - phi, psi' - phi', and of the forcing times f."""
-_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 7)
+_A, _B, _SIN, _COS, _S, _C, _CV, _CR, _ACC, _SWING = places(17, 7)
 """Rows of the terms of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
-arms, squares of both rates, both right-hand sides, the determinant, and both accelerations."""
+arms, C phi' and C psi', and both accelerations."""
 VALUE, _SLOPE = places(2)
 """Columns of the coefficients of orders zero and one, which are value and slope at the start of the
 series."""
 _OF_BLOCK, _OF_BOB, _OF_HELD = places(3)
 """Indices of the allowed errors: those of the rates of block and bob, and that of the moment on a held
 block."""
-UP, DOWN = places(22, 20)
+UP, DOWN = places(19, 17)
 """Rows of the signals that release a held block."""
-ROWS = 22
+ROWS = 19
 """Number of rows."""
 WORK = np.dtype(
     [
@@ -68,7 +68,7 @@ def prepare(x, s, q, w):
     w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
     # few more for the work of a step apart from its series.
-    w.order = max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(s.rtol))))
+    w.order = max(4, min(ORDERS - 3, 7 + int(-0.5 * math.log(s.rtol))))
 
 
 @compiled
@@ -121,61 +121,47 @@ def _expand_slipping(q, m, remaining, w):
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
     c[_S, VALUE], c[_C, VALUE] = lever * sine + high * cosine, lever * cosine - high * sine
-    still, whole, product = -m.direction * q.k, q.m11 * q.m22, pull * rho
+    lever = c[_S, VALUE]
+    # Friction is a constant, so that only order zero has it.
+    friction, by_det = -m.direction * q.k, 1.0 / (q.m11 * q.m22 - pull * rho * lever * lever)
     # Each pass adds one order to all rows. The sums are products of series (Cauchy products).
-    by_det, power, former = 0.0, 1.0, 1.0
+    power, former = 1.0, 1.0
     for n in range(w.order):
-        a1 = b1 = s1 = c1 = s_sum = c_sum = 0.0
-        vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
-        c[APART_RATE, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
+        a1 = b1 = s1 = c1 = cv = cr = c_sum = gb = gc = crr = cvv = on_bob = on_block = 0.0
+        c[APART_RATE, n] = c[V, n] - c[R, n]
+        # The sums of these four rows need terms of this order, which are added below.
+        c[_CV, n] = c[_CR, n] = c[_ACC, n] = c[_SWING, n] = 0.0
         for j in range(n + 1):
             i = n - j
-            v, r, apart, force, s, cos = c[V, i], c[R, i], c[APART_RATE, i], c[FORCE, i], c[_S, j], c[_C, j]
+            v, r, force, s, cos = c[V, i], c[R, i], c[FORCE, i], c[_S, j], c[_C, j]
             a1 += c[_B, j] * v
             b1 -= c[_A, j] * v
             s1 += c[_COS, j] * r
             c1 -= c[_SIN, j] * r
-            s_sum += cos * apart
-            c_sum -= s * apart
-            vv += c[V, j] * v
-            rr += c[R, j] * r
+            cv += cos * v
+            cr += cos * r
+            c_sum -= s * c[APART_RATE, i]
             gb += c[_B, j] * force
             gc += c[_COS, j] * force
-            ss += s * c[_S, i]
-        # These sums need the rows of this order from the index 1 on. Their terms with index 0 are added
-        # below.
-        for j in range(1, n + 1):
-            i, s, cos = n - j, c[_S, j], c[_C, j]
-            crr += cos * c[_RR, i]
-            cvv += cos * c[_VV, i]
-            sr1 += s * c[_R1, i]
-            sr2 += s * c[_R2, i]
-            da += c[_DET, j] * c[_ACC, i]
-            db += c[_DET, j] * c[_SWING, i]
-        # Order n of the equations: the right-hand sides, then both accelerations by division through the
-        # determinant.
-        c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
-        crr += c[_C, VALUE] * rr
-        cvv += c[_C, VALUE] * vv
-        c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[APART_RATE, n]
-        c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[APART_RATE, n]
-        # Friction is a constant, and the determinant has one at order zero.
-        if n == 0:
-            c[_R1, VALUE] += still
-            by_det = 1.0 / (whole - product * ss)
-        else:
-            da += c[_DET, n] * c[_ACC, VALUE]
-            db += c[_DET, n] * c[_SWING, VALUE]
-        sr1 += c[_S, VALUE] * c[_R1, n]
-        sr2 += c[_S, VALUE] * c[_R2, n]
-        c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + pull * sr2 - da)
-        c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + rho * sr1 - db)
+            cvv += c[_CV, j] * v
+            crr += c[_CR, j] * r
+            on_bob += s * c[_ACC, i]
+            on_block += s * c[_SWING, i]
+        c[_CV, n], c[_CR, n] = cv, cr
+        cvv += cv * c[V, VALUE]
+        crr += cr * c[R, VALUE]
+        # Order n of the equations, which are solved for the accelerations of this order.
+        r1 = c[_A, n] - gb - pull * (crr - on_block) - q.c1 * c[APART_RATE, n] + friction
+        r2 = gc - c[_SIN, n] + rho * (cvv + on_bob) + q.c2 * c[APART_RATE, n]
+        friction = 0.0
+        c[_ACC, n] = by_det * (q.m22 * r1 + pull * lever * r2)
+        c[_SWING, n] = by_det * (q.m11 * r2 + rho * lever * r1)
         # Integrate: order n of a rate gives order n + 1 of the function.
         by = 1.0 / (n + 1.0)
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
         c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
-        c[_S, n + 1], c[_C, n + 1] = by * s_sum, by * c_sum
+        c[_S, n + 1], c[_C, n + 1] = by * (cv - cr), by * c_sum
         c[UP, n + 1] = c[DOWN, n + 1] = 0.0
         former, power = power, power * remaining
         if n >= 3 and _is_converged(c, n + 1, power, former, w.inverse):
@@ -194,36 +180,31 @@ def _expand_held(q, m, remaining, w):
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     c[_SIN, VALUE], c[_COS, VALUE] = math.sin(c[PSI, VALUE]), math.cos(c[PSI, VALUE])
     hold, pull, power, former = q.k + q.slack, -q.m12 / q.kappa, 1.0, 1.0
-    for n in range(w.order + 1):
-        gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
+    for n in range(w.order + 2):
+        gc = s1 = c1 = 0.0
         for j in range(n + 1):
             i = n - j
             gc += c[FORCE, j] * c[_COS, i]
             s1 += c[_COS, j] * c[R, i]
             c1 -= c[_SIN, j] * c[R, i]
-            rr += c[R, j] * c[R, i]
-        c[PHI, n + 1] = c[V, n] = 0.0
-        c[_RR, n], c[_SWING, n] = rr, (gc - c[_SIN, n] - q.c2 * c[R, n]) / q.m22
-        for j in range(n + 1):
-            i = n - j
-            sa += c[_SIN, j] * c[_SWING, i]
-            ca += c[_COS, j] * c[_SWING, i]
-            srr += c[_SIN, j] * c[_RR, i]
-            crr += c[_COS, j] * c[_RR, i]
-        # sin(phi - psi) and cos(phi - psi) times the bob's acceleration and the square of its rate.
-        along = sp * ca - cp * sa - cp * crr - sp * srr
-        across = cp * ca + sp * sa + sp * crr - cp * srr
-        bob, one = q.c1 * c[R, n] + q.kappa * pull * across, 1.0 if n == 0 else 0.0
-        on_block = q.up * (one * sp - c[FORCE, n] * cp) + bob
-        of_side = pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
-        c[UP, n] = one * hold - on_block - up * of_side
-        c[DOWN, n] = one * hold + on_block + down * of_side
         by = 1.0 / (n + 1.0)
-        c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
+        c[PHI, n + 1] = c[V, n] = 0.0
+        c[PSI, n + 1] = by * c[R, n]
+        c[R, n + 1] = by * (gc - c[_SIN, n] - q.c2 * c[R, n]) / q.m22
         c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1
-        if n >= 4 and _is_converged(c, n, power, former, w.inverse):
-            return n
-        former, power = power, power * remaining
+        if n > 0:
+            # The signals of order n - 1. They contain the second derivative of the bob's direction (sin psi,
+            # cos psi), of which s1 and c1 are the first one.
+            before, weight = n - 1, 1.0 if n == 1 else 0.0
+            along, across, force = n * (sp * s1 + cp * c1), n * (cp * s1 - sp * c1), c[FORCE, before]
+            bob = q.c1 * c[R, before] + q.kappa * pull * across
+            on_block = q.up * (weight * sp - force * cp) + bob
+            of_side = pull * q.nu * along - q.weight * (weight * cp + force * sp)
+            c[UP, before] = weight * hold - on_block - up * of_side
+            c[DOWN, before] = weight * hold + on_block + down * of_side
+            if n > 4 and _is_converged(c, before, power, former, w.inverse):
+                return before
+            former, power = power, power * remaining
     return w.order
 
 
@@ -238,7 +219,7 @@ def expand(q, m, e, remaining, w):
     c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
-    _expand_forcing(q, e, w.order, c)
+    _expand_forcing(q, e, w.order + 1, c)
     order = _expand_slipping(q, m, remaining, w) if m.kind == SLIP else _expand_held(q, m, remaining, w)
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
