@@ -163,8 +163,8 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         # Stop when even the trend of the best remaining design promises too little.
         if not refinement.promises(1.0 - _PROMISING * problem.requirements.at_least):
             break
-        if result.decided is not None:
-            refinement.learn(result.design, result.decided.with_pendulum)
+        if (runs := result.runs) is not None:
+            refinement.learn(result.design, runs.with_pendulum)
     best = validated[-1].design if validated and not validated[-1].reasons else None
     return Design(
         problem=problem,

@@ -41,7 +41,7 @@ _CHECKED, _MOST_CHECKED = 32, 320
 _FEW, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
 number of comparisons."""
-_SAFE = 0.6
+_SAFE = 0.4
 """Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
 runs."""
 _NOISE = 0.005
@@ -298,7 +298,9 @@ class Refinement:
     def best(self, rejected: Sequence[np.ndarray]) -> np.ndarray | None:
         """Return the best design (3,) by comparisons of the nonlinear equations, apart from designs that the
         validation rejected; None if no design is likely to keep the limits."""
-        for turn in range(_COMPARISONS):
+        # The first comparison only corrects the trends, before which the choice would be one of chance. After a
+        # rejection they are corrected already.
+        for turn in range(len(rejected) > 0, _COMPARISONS):
             if turn and len(new := self.next(_BATCH, _APART[1])):
                 # The comparison has shown by how much the trends of the limits are wrong.
                 self.evaluate(new)
@@ -306,7 +308,6 @@ class Refinement:
                 self.progress("comparing", done := len(self.compared) + 1, max(done, sum(_FEW)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= 0.0]
-            # The first comparison only corrects the trends, before which the choice would be one of chance.
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
         every = self._eligible(rejected)
@@ -349,7 +350,7 @@ class Refinement:
         for name, x in self._sizes_of(design, runs, 0.0).items():
             # The comparison has found the limit kept by as many runs: the truth is in the middle.
             if x > 0.0:
-                self.margin[name] = self.margin.get(name, 0.0) + 0.5 * x
+                self.margin[name] = self.margin.get(name, 0.0) + x
 
     def promises(self, share: float) -> bool:
         """Return whether the trend of a trial that keeps the limits is at most a share of the merit without a
