@@ -298,8 +298,8 @@ class Refinement:
     def best(self, rejected: Sequence[np.ndarray]) -> np.ndarray | None:
         """Return the best design (3,) by comparisons of the nonlinear equations, apart from designs that the
         validation rejected; None if no design is likely to keep the limits."""
-        # The first comparison only corrects the trends, before which the choice would be one of chance. After a
-        # rejection they are corrected already.
+        # The first comparison only corrects the trends, before which the choice would be one of chance. After
+        # a rejection they are corrected already.
         for turn in range(len(rejected) > 0, _COMPARISONS):
             if turn and len(new := self.next(_BATCH, _APART[1])):
                 # The comparison has shown by how much the trends of the limits are wrong.
