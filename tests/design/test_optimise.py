@@ -184,7 +184,7 @@ def test_a_rejected_design_has_its_reasons(rejected):
     assert rejected.status is DesignStatus.not_recommended
     assert (rejected.pendulum, rejected.benefit) == (None, None)
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
-    required = "required: a reduction of at least 97.0 %, with the lower end of the interval above 48.5 %"
+    required = "required: a reduction of at least 97.0 %, and an interval that begins above 48.5 %"
     assert required in rejected.refusals[0]
     seeds = [v.decided.with_pendulum.seed for v in rejected.validated]
     assert len(set(seeds)) == len(seeds) > 1

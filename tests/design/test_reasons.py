@@ -36,9 +36,9 @@ SENTENCES = {
         "may fall by at most 10 %",
     ),
     ReasonKind.too_little_benefit: (
-        {"value": 0.034, "low": -0.01, "reference": 0.1},
-        "the mean tilt falls by 3.4 % (lower end of the 95 % interval: -1.0 %); required: a reduction of at "
-        "least 10.0 %, with the lower end of the interval above 5.0 %",
+        {"value": 0.034, "low": -0.01, "high": 0.078, "reference": 0.1},
+        "the mean tilt falls by 3.4 % (95 % interval -1.0 to 7.8 %); required: a reduction of at least "
+        "10.0 %, and an interval that begins above 5.0 %",
     ),
     ReasonKind.slides: (
         {"value": 0.517, "reference": 0.4},
@@ -58,8 +58,8 @@ def test_each_reason_makes_one_sentence_with_its_numbers(kind):
     assert str(Reason(kind=kind, condition="2.5 Hz", **given)) == sentence
 
 
-NEARLY = {"value": 0.1999, "low": 0.12, "reference": 0.2}
-UNSURE = {"value": 0.3, "low": 0.0998, "reference": 0.2}
+NEARLY = {"value": 0.1999, "low": 0.12, "high": 0.28, "reference": 0.2}
+UNSURE = {"value": 0.3, "low": 0.0998, "high": 0.5, "reference": 0.2}
 WALL = {"value": 0.01004, "reference": 0.01}
 FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
 
@@ -67,9 +67,9 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
 @pytest.mark.parametrize(
     ("kind", "given", "words"),
     [
-        ("too_little_benefit", NEARLY, "falls by 19.99 % (lower"),
-        ("too_little_benefit", NEARLY, "at least 20.00 %, with"),
-        ("too_little_benefit", UNSURE, "interval: 9.98 %); req"),
+        ("too_little_benefit", NEARLY, "falls by 19.99 % (95 %"),
+        ("too_little_benefit", NEARLY, "at least 20.00 %, and"),
+        ("too_little_benefit", UNSURE, "interval 9.98 to 50.0 %); req"),
         ("too_little_benefit", UNSURE, "above 10.00 %"),
         ("too_little_benefit", {"value": -1e-5, "low": -1.0, "reference": 0.0}, "increases by 0.001 %"),
         ("too_little_benefit", {"value": -0.1, "low": -0.3, "reference": 0.1}, "increases by 10.0 % ("),
@@ -90,8 +90,8 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
         ("too_little_benefit", {"value": 0.995, "low": math.nan, "reference": 0.1}, FEW),
         (
             "too_little_benefit",
-            {"value": 0.08, "low": -0.04, "reference": 0.1, "measure": "overturning"},
-            "the share of runs that overturn falls by 8.0 % (lower end of the 95 % interval: -4.0 %); re",
+            {"value": 0.08, "low": -0.04, "high": 0.2, "reference": 0.1, "measure": "overturning"},
+            "the share of runs that overturn falls by 8.0 % (95 % interval -4.0 to 20.0 %); re",
         ),
         (
             "too_little_benefit",
@@ -100,8 +100,8 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
         ),
         (
             "too_little_benefit",
-            {"value": 0.05, "reference": 0.0, "low": -0.01},
-            "interval: -1.0 %); required: a significant reduction$",
+            {"value": 0.05, "reference": 0.0, "low": -0.01, "high": 0.11},
+            "interval -1.0 to 11.0 %); required: a significant reduction$",
         ),
     ],
 )

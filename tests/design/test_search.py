@@ -10,6 +10,7 @@ import pytest
 import tpd
 from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
 from tests.design.test_orbits import Both, orbits
+from tpd.core.formatting import percent
 from tpd.design.orbits import Linearisation
 from tpd.design.search import (
     SearchStatus,
@@ -41,11 +42,17 @@ def test_descent_results_are_ordered_by_risk_and_infeasible_ones_are_infinite(se
 def test_the_message_of_a_search_states_the_gain_of_the_final_optimiser(search):
     objective, found = search
     assert found.finished < found.descended
-    start = f"The descents reach a risk of {found.descended:.4g}, and the finish lowers it by "
-    assert found.message.startswith(start)
+    tilts = (percent(x, 1) for x in (found.descended, found.finished))
+    after = "is {} of the toppling tilt after the descents, and {} after the finish."
+    assert found.message.endswith(after.format(*tilts))
     alone = search_designs(objective, tpd.Descent(searches=20, screening=48, steps=8, finish=0), 0)
     assert alone.finished == alone.descended
-    assert alone.message.endswith("the finish does not improve it.")
+    assert alone.message.endswith("and the finish does not lower it.")
+    at_rest = dataclasses.replace(found, descended=0.1, finished=-0.2)
+    assert at_rest.message.endswith(
+        "-20.0 % after the finish; a negative number is the margin of a block at rest."
+    )
+    assert "no design" in dataclasses.replace(found, descended=np.inf).message
 
 
 def test_equal_starting_designs_are_searched_once():

@@ -18,7 +18,7 @@ from tpd.report.json import json_of
 
 RATIOS = np.array([0.1, 0.6, 0.12])
 EQUIVALENT = np.array([[0.09, 0.58, 0.1], [0.105, 0.61, 0.15]])
-LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1)
+LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1, high=0.06)
 
 
 @functools.cache

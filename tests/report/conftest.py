@@ -13,7 +13,7 @@ from tpd.report.summary import summary
 SCENE = tpd.paper_scene()
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=5000.0, cavity_width=0.8, restitution=0.9595)
 STRIKES = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=0.27, reference=0.01)
-LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1)
+LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1, high=0.06)
 
 
 @functools.cache

@@ -144,6 +144,8 @@ class Reason:
     low: float = math.nan
     """Lower end of the 95 % interval of the value, if it has one. For a number of runs: the smallest number
     that is allowed."""
+    high: float = math.nan
+    """Upper end of the 95 % interval of the value, if it has one."""
     total: int = 0
     """Number of runs, or of conditions, that the value was counted in."""
     measure: str = "tilt"
@@ -200,14 +202,13 @@ class Reason:
             why = _UNKNOWN.get(self.measure, "")
             falls = f"change of the {of} is unknown{why}"
         elif math.isfinite(self.low):
-            falls += f" (lower end of the 95 % interval: {low})"
+            # The lower end has the digits that show on which side of the required one it is.
+            falls += f" (95 % interval {low.removesuffix(' %')} to {percent(self.high, 1)})"
         else:
             falls += " (too few earthquakes or overturned runs for an interval)"
         required = "a significant reduction"
         if self.reference > 0.0:
-            required = (
-                f"a reduction of at least {reference}, with the lower end of the interval above {certain}"
-            )
+            required = f"a reduction of at least {reference}, and an interval that begins above {certain}"
         return {"value": value, "reference": reference, "falls": falls, "required": required}
 
     def __str__(self) -> str:

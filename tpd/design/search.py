@@ -38,6 +38,7 @@ import optax
 from jaxtyping import Array
 from scipy.optimize import Bounds, minimize
 
+from tpd.core.formatting import compared, percent
 from tpd.core.progress import Count, Progress, unreported
 from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, SmoothedOrbits
 from tpd.design.settings import Descent
@@ -139,10 +140,17 @@ class Search:
     @property
     def message(self) -> str:
         """Sentence on the descents and the finish."""
-        gained = self.descended - self.finished
-        if not np.isfinite(self.descended) or gained <= 0.0:
-            return f"The descents reach a risk of {self.descended:.4g}, and the finish does not improve it."
-        return f"The descents reach a risk of {self.descended:.4g}, and the finish lowers it by {gained:.2g}."
+        if not np.isfinite(self.descended):
+            return "The descents found no design with a finite settled tilt."
+        first, last = compared(self.descended, self.finished, 1, percent)
+        tilt = (
+            f"The settled tilt that the search minimises is {first} of the toppling tilt after the descents"
+        )
+        if not self.finished < self.descended:
+            return f"{tilt}, and the finish does not lower it."
+        # A block that rests has no tilt. The search then minimises minus the margin against uplift.
+        rests = "; a negative number is the margin of a block at rest" if self.finished <= 0.0 else ""
+        return f"{tilt}, and {last} after the finish{rests}."
 
 
 def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | None = None) -> Search:

@@ -204,5 +204,6 @@ def _reasons(
     measure, required = requirements.reduce or runs.first_measure, requirements.at_least
     if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
         gain = runs.reduction(measure)[0]
-        add_reason(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
+        more: dict[str, Any] = {"low": gain.low, "high": gain.high, "measure": measure}
+        add_reason(ReasonKind.too_little_benefit, gain.mean, required, **more)
     return out
