@@ -1,6 +1,6 @@
 """Grammar of the command line: all commands and their options.
 
-Nothing here imports JAX, so that the help appears at once.
+Nothing here imports JAX, and the help appears at once.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def parser(about: str, version: str) -> Parser:
     top = Parser(prog="tpd", description=about)
     top.add_argument("--version", action="version", version=f"tpd {version}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    # The texts are in a file of their own, so that they can be read and revised as text.
+    # The texts are in a separate file, in which they can be read and revised as text.
     texts = tomllib.loads(resources.files("tpd.cli").joinpath("commands.toml").read_text(encoding="utf-8"))
     for name, add_options in COMMANDS.items():
         text = texts[name]

@@ -161,7 +161,7 @@ class Option:
 
     def add(self, parser: Any) -> None:
         """Add the option to a parser or a group of its options."""
-        # The default is read from the schema, so that the help text always agrees with the code.
+        # The default is read from the schema. The help text therefore always agrees with the code.
         default = self.schema.get("default") if self.placeholders else None
         text = _clause(self.schema["description"])
         if default is not None:

@@ -340,8 +340,8 @@ def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
     head = ("group", "file", "earthquake", "samples", "time step (s)", "duration (s)", "PGA (g)", "notes")
     caption = "PGA: largest acceleration in the file, before scaling."
     table = [Table(head, tuple(rows), caption)] if rows else []
-    # The same earthquake can have different names in two files. Such records are listed, so that the user can
-    # check them.
+    # The same earthquake can have different names in two files. The user has to check such
+    # records.
     every = [m for motions in words.groups(design).values() for m in motions]
     listed = dict.fromkeys([*record_notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]
