@@ -71,7 +71,7 @@ def test_an_import_cycle_is_detected():
         longest_chain({"a": {"b"}, "b": {"a"}})
 
 
-def test_a_folder_imports_only_from_those_before_it():
+def test_a_folder_imports_only_from_lower_layers():
     graph: dict[str, set[str]] = {layer: set() for layer in (*LAYERS, "tpd")}
     for name in MODULES:
         graph[folder(name)] |= {folder(other) for other in NOW.imports_of(name)} - {folder(name), "tpd"}
@@ -136,7 +136,7 @@ row._replace(x=self._own)
     assert sorted(foreign_names(ast.parse(text), {"_own"})) == sorted(names)
 
 
-def test_no_module_compares_the_name_of_a_kind_of_motion():
+def test_no_module_compares_the_name_of_an_excitation():
     """What differs between kinds of motion is answered by the classes of jobs and problems."""
     compared = re.compile(r"""kind(\"\])? (==|!=|in|not in) \(?"(harmonic|pulse|records)\"""")
     assert compared.search('if job.kind == "harmonic":')
@@ -212,7 +212,7 @@ def test_lines_are_counted_by_kind():
     assert imports_by_string(ast.parse(SAMPLE)) == 2
 
 
-def test_names_at_the_top_are_few_and_each_has_a_module():
+def test_public_names_are_few_and_each_has_a_module():
     stub = [node for node in tree(ROOT / "__init__.pyi").body if isinstance(node, ast.ImportFrom)]
     names = [alias.name for node in stub for alias in node.names]
     assert sorted(names) == tpd.__all__ == dir(tpd)

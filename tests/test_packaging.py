@@ -20,7 +20,7 @@ def numbers(text: str) -> list[int]:
     return [int(x) for x in re.findall(r"\d+", text)]
 
 
-def test_jax_has_the_tested_bounds():
+def test_the_required_jax_versions_are_the_tested_ones():
     low, high = re.fullmatch(r"jax>=([\d.]+),<([\d.]+)", BOUNDS["jax"]).groups()
     assert numbers(low) == [0, 10]
     assert numbers(low) <= numbers(version("jax")) < numbers(high)
@@ -38,7 +38,7 @@ def test_the_guide_shows_how_the_lowest_versions_are_tested():
     assert "--resolution lowest-direct" in text
 
 
-def test_the_licence_is_stated_where_people_and_tools_look_for_it():
+def test_the_licence_is_stated_in_metadata_and_pages():
     assert PROJECT["license"] == "BSD-3-Clause"
     (name,) = PROJECT["license-files"]
     text = (TOP / name).read_text(encoding="utf-8")
@@ -72,7 +72,7 @@ sys.exit(main(["new", "chimney", "--out", sys.argv[1]]))
 """
 
 
-def test_the_package_runs_from_a_wheel_on_the_import_path(tmp_path):
+def test_the_package_can_be_imported_from_a_wheel(tmp_path):
     wheel = tmp_path / "tpd-0.2.0-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as file:
         for path in sorted(ROOT.rglob("*")):

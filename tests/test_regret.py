@@ -33,7 +33,7 @@ def only(rows: list[dict], space: str) -> dict:
     return row
 
 
-def test_a_wide_space_has_twice_the_width_in_the_logarithm_up_to_the_largest_that_is_allowed():
+def test_the_wide_space_has_twice_the_logarithmic_width():
     ends = regret.ends_of("wide", OWN)
     assert ends[:, 0] == pytest.approx([0.005, 0.08])
     assert ends[:, 2] == pytest.approx([0.025, 0.4])
@@ -52,7 +52,7 @@ def test_a_space_contains_designs_on_its_bounds_and_narrower_spaces():
     assert not regret.contains(own, wide)
 
 
-def test_the_best_design_of_a_space_keeps_the_limits_and_may_come_from_a_narrower_space():
+def test_the_best_design_of_a_space_can_come_from_a_narrower_space():
     rows = [SCENE, design(0.09, ("own", "wide"), over=0.02), design(0.08, ("own",), status="not_recommended")]
     assert best(rows, "own") is None
     rows += [
@@ -67,7 +67,7 @@ def test_the_best_design_of_a_space_keeps_the_limits_and_may_come_from_a_narrowe
     assert best(tilt, "own") == 0.2
 
 
-def test_the_regret_is_the_difference_from_the_best_value_and_a_search_without_a_design_is_counted():
+def test_the_regret_is_the_difference_from_the_best_known_value():
     rows = [SCENE, search("own", 0, 0.13), search("own", 1, 0.11), design(0.10, ("own", "wide"))]
     found = only(rows, "own")
     assert found["regret"] == pytest.approx([0.03, 0.01])
@@ -77,7 +77,7 @@ def test_the_regret_is_the_difference_from_the_best_value_and_a_search_without_a
     assert (found["worst"], found["missed"]) == (pytest.approx(0.03), 1)
 
 
-def test_without_a_known_design_no_search_has_missed_one():
+def test_a_search_misses_no_design_if_none_is_known():
     found = only([SCENE, search("own", 0, 0.02, status="not_recommended")], "own")
     assert (found["worst"], found["missed"], found["regret"]) == (None, 0, [np.inf])
 

@@ -61,7 +61,7 @@ def test_the_tables_of_every_page_equal_the_stored_results():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: python -m tests.benchmarks --draw"
 
 
-def test_a_record_takes_one_line_and_is_read_back():
+def test_a_stored_row_takes_one_line_and_is_read_back():
     rows = [{"a": np.float64(1.23456789), "b": [math.inf, 2]}, {"a": math.nan, "b": np.arange(2)}]
     text = stored.compact({"about": {"cores": 2}, "rows": stored.plain(rows)})
     assert json.loads(text)["rows"] == [{"a": 1.235, "b": [None, 2]}, {"a": None, "b": [0, 1]}]

@@ -177,7 +177,7 @@ def test_a_motion_that_decays_slowly_is_not_settled_and_not_aperiodic():
     assert np.all(np.isnan(slopes))
 
 
-def test_a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate():
+def test_the_derivative_of_a_chaotic_motion_grows_at_the_lyapunov_rate():
     answer = exact(CHAOTIC)
     assert answer.status == "aperiodic"
     assert np.isnan(answer.steady.multiplier)

@@ -131,7 +131,7 @@ def test_without_friction_an_orbit_can_turn_back_between_two_impacts(x):
         assert o.slopes[0, j, 0, i] == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_orbit_with_two_equal_turns_counts_once():
+def test_an_orbit_with_two_equal_turning_points_counts_once():
     # Nothing takes energy here, so a motion may be its own mirror image in time.
     for xi in np.linspace(1.5375, 2.5, 27):
         o = solve([(0.15, 0.1, 0.1, 0.0, 0.0, 0.1, xi, 1.0)])

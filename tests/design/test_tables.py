@@ -49,7 +49,7 @@ def test_every_limit_has_a_key_in_the_job_file():
         assert not any(isinstance(x, kind) for x in off.limits)
 
 
-def test_the_published_schema_is_up_to_date():
+def test_the_published_schema_is_current():
     published = SCHEMA.read_text(encoding="utf-8")
     assert published == json_schema(), "run: python -m tpd.design.tables"
 

@@ -67,7 +67,7 @@ def test_the_error_estimate_of_a_parabola_is_its_distance_from_the_chords():
     np.testing.assert_allclose(error, SAFETY * 0.25)
 
 
-def test_the_errors_of_all_axes_add_up():
+def test_the_error_estimates_of_all_axes_are_added():
     x = axis("damping", 0.0, 4.0, 5, log=False)
     y = axis("amplitude", 0.0, 2.0, 3, log=False)
     values = x.values[:, None] ** 2 + 3.0 * y.values**2

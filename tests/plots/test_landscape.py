@@ -46,7 +46,7 @@ def changed(design, tilt, size, count=60):
     return dataclasses.replace(design, problem=problem, trials=trials)
 
 
-def test_edges_in_a_landscape_are_the_limits(single):
+def test_the_landscape_labels_its_limits_and_marks_runs_without_a_result(single):
     ax = tpd.plot(changed(single, lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8)))
     assert "stroke" in words(ax.texts)
     assert len(lines(ax)["runs without a result"].get_xdata()) == 30

@@ -274,7 +274,7 @@ def test_derivatives_of_the_amplitude_in_si_units_equal_differences():
 
 
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
-def test_a_batch_of_one_part_combines_with_single_others(batched):
+def test_a_batch_of_one_part_can_be_combined_with_single_parts(batched):
     first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.excitation}
     second = {
         Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
