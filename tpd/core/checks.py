@@ -370,7 +370,7 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
     """Return a pair (lo, hi) with `low` <= lo < hi <= `high`; raise `ValueError` for anything else."""
     _check_meaning(name, value)
     try:
-        # Index the value, so that a set, which has no order, is rejected.
+        # Index the value: a set, which has no order, cannot be indexed and is rejected.
         lo, hi = (plain(name, value[i], single=True) for i in range(len(value)))
     except (TypeError, ValueError, KeyError):
         lo = hi = None

@@ -98,7 +98,7 @@ def read_design(path: str | Path) -> StoredDesign:
             versions=_key(content, "versions", dict),
             content=content,
         )
-        # Build the job now, so that a damaged file is rejected here and not when the job is used.
+        # Build the job now: a damaged file is rejected here, and not later when the job is used.
         _ = stored.job
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None

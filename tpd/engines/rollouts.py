@@ -100,7 +100,7 @@ def follow(
     states[:, 1:] = [placed(body, start) for body, start in zip(bodies, starts, strict=True)]
     results, remaining, step, done = Maxima(bodies), np.arange(len(models)), bodies[0].step, 0
     steps = np.ceil(duration / step).astype(int)
-    # In chunks, so that overturned blocks are followed no further, and Ctrl-C has an effect between chunks.
+    # In chunks: overturned blocks are followed no further, and Ctrl-C has an effect between chunks.
     while remaining.size:
         n = int(min(_CHUNK, steps[remaining].max() - done))
         times = step * (done + np.arange(n))

@@ -68,7 +68,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     reals = _header(cursor, "real")
     cursor.comments(int(cursor.match(rf"^\s*({WHOLE})\s+comment line", "the number of comment lines")[1]))
     quantity, own, code, values = _samples(cursor)
-    # Velocities and displacements are read as well, so that a file that is damaged there is rejected.
+    # Velocities and displacements are read as well, because a file that is damaged there is rejected.
     if not quantity.lower().startswith("accel"):
         return "velocity" if quantity.lower().startswith("veloc") else "displacement"
     if not first[2].lower().startswith("accel"):

@@ -180,7 +180,7 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
         why = "the same time as" if equal else "an earlier time than"
         remedy = "remove a repeated row, or print the times with more digits" if equal else "sort the rows"
         raise UnreadableRecord(f"line {line} has {why} line {before}, but the times must grow: {remedy}")
-    # Round to twelve digits, so that 31.18/1559 becomes 0.02.
+    # Round to twelve digits: 31.18/1559 becomes 0.02.
     noise = 1e-9 * float(np.max(np.abs(t)))
     step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
     if (np.abs(t[1:] - t[0] - step * i) > noise).any():

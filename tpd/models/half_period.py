@@ -130,7 +130,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             1e-3 * q.period,
             jnp.concatenate([start[None], jnp.eye(8, 4)]),
             saveat=diffrax.SaveAt(ts=times),
-            # Only the error of the state controls the step size, so that tangents do not change the steps.
+            # Only the error of the state controls the step size. Tangents therefore do not change the steps.
             stepsize_controller=diffrax.PIDController(
                 rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[_VALUE] ** 2))
             ),

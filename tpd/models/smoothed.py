@@ -149,7 +149,7 @@ class Smoothed(AbstractFlow):
         def one_period(y: State, memory: None) -> Period:
             ys, bounded = self._integrate(field, y, times)
             # If the solver reaches its limit on steps, later states are infinite. They are replaced by the
-            # first state, so that the status is event_bound and not overturned.
+            # first state, and the status is then event_bound and not overturned.
             ys = jnp.where(bounded | jnp.isfinite(ys), ys, y[None])
             amplitude, swing = jnp.max(jnp.abs(ys[:, TILT])), jnp.max(jnp.abs(ys[:, SWING]))
             overturned = ~(amplitude < limit)

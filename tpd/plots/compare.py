@@ -148,7 +148,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
             label = f"{label}: overturns from rest"
             marks = style | {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
             axes[0].plot(overturned, np.full(len(overturned), top * (1.0 - 0.05 * i)), **marks)
-    # The axis begins a little below zero, so that the marks of a block at rest are visible.
+    # The axis begins a little below zero, where the marks of a block at rest are visible.
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     for motions in cases[1:]:
         axes[1].plot(x[order], _attracting(motions, "swing")[order], **CASES[1] | {"label": "bob"})
@@ -212,7 +212,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
         none = mass[is_missing]
         ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none recommended up to this mass")
     ax.set(xlabel=LABELS["pendulum_mass"], ylabel="reduction of the mean tilt (%), 95 % interval")
-    # Both axes begin at zero, so that distances can be compared.
+    # Both axes begin at zero, because only then can distances be compared.
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=min([0.0, *low[is_recommended]]))
     legend(ax, columns=3)
