@@ -31,9 +31,9 @@ import tpd
 
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
-    *("engines", "measurements", "cluster", "intervals", "quoted", "guards", "mutations"),
+    *("first_guess", "engines", "measurements", "cluster", "intervals", "quoted", "guards", "mutations"),
 )
-LONG = ("regret", "guards", "mutations")
+LONG = ("regret", "first_guess", "guards", "mutations")
 """Benchmarks that `--stale` does not run."""
 OLDER = "older than the code"
 """Mark of a result whose modules have changed. Every page that shows the result repeats the mark."""
