@@ -2,6 +2,7 @@
 
 import functools
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax
@@ -13,7 +14,7 @@ from tests.reference import STILL, WITH, parameters
 from tests.reference import exact as linear
 from tpd import Auto, Parameters, status_name, steady_state
 from tpd.answers.auto import estimated_error
-from tpd.theory import uplift
+from tpd.theory import lightest_pendulum, uplift
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
 """Never lifts."""
@@ -36,6 +37,19 @@ def test_auto_uses_the_closed_form_if_the_block_never_lifts():
     assert found.swing == pytest.approx(linear(LOW).swing, rel=1e-9)
     np.testing.assert_allclose(found.state, linear(LOW).steady.state, atol=1e-12)
     assert "of the moment that would lift the block remains in reserve" in found.reason
+
+
+@pytest.mark.parametrize(("masses", "model"), [(0.95, "nonlinear"), (1.05, "uplift")])
+def test_auto_uses_the_closed_form_only_above_the_mass_of_the_lightest_pendulum(masses, model):
+    p, swing = Parameters(nu=0.1, mu=0.0, lam=1.0, zeta=0.0, k=0.0, f=0.12, xi=4.0), 0.05
+    law = lightest_pendulum(p, swing=swing)
+    p = replace(p, mu=masses * float(law.mu), lam=float(law.lam))
+    # The bob is longer than the resonant one, and swings against the base.
+    found = steady_state(p, model=Auto(), y0=[0.0, 0.0, 0.0, -swing * p.xi])
+    assert found.model == model
+    assert (status_name(found.status) == "rest") == (model == "uplift")
+    if model == "uplift":
+        assert float(found.swing) == pytest.approx(swing)
 
 
 def test_an_initial_swing_reduces_the_uplift_margin():
