@@ -23,6 +23,10 @@ from tpd.scene.scene import Block
 
 CUSP = Parameters(nu=0.2626, mu=0.2096, lam=0.6445, zeta=0.0848, k=0.0577, f=0.2339, xi=2.3789, e=0.7943)
 """Its folds over k and f end in a cusp."""
+ISLAND = Parameters(
+    nu=0.0844, mu=0.06, lam=0.4727, zeta=0.137, k=0.0278, f=0.0602, xi=2.504, rho=0.3257, e=0.8094
+)
+"""Its folds over mu and zeta are a closed curve."""
 CHIMNEY = Scene(Block(width=1.0, height=4.0, mass=2000.0), Harmonic(amplitude=0.03, frequency=1.5))
 
 
@@ -192,7 +196,7 @@ def test_a_fold_curve_ends_if_its_orbit_is_no_valid_motion():
 
 
 class Circle(module._Folds):
-    """Folds on a circle of radius 0.2, because no scene with a closed curve is known."""
+    """Folds on a circle of radius 0.2, whose number of points follows from the steps."""
 
     def ahead(self, point: Any, step: float) -> Any:
         angle = np.arctan2(*point.z[2:]) + 5.0 * step
@@ -215,6 +219,21 @@ def test_a_closed_fold_curve_returns_to_its_first_point():
     angles = np.unwrap([np.arctan2(*p.z[2:]) for p in points])
     assert np.all(np.diff(angles) > 0.0)
     assert angles[-1] == pytest.approx(2 * np.pi)
+
+
+def test_the_folds_over_mass_and_damping_of_the_bob_can_form_a_closed_curve():
+    curve = fold_curve(ISLAND, "mu", "zeta", x_range=(0.01, 0.4), y_range=(0.01, 1.0))
+    assert curve.statuses == (End.closed, End.closed)
+    np.testing.assert_array_equal(curve.points[0], curve.points[-1])
+    # The direction turns once around, and the gradients point inwards, where both orbits are lost.
+    turns = np.unwrap(np.arctan2(*(curve.tangents / (0.39, 0.99)).T))
+    assert abs(turns[-1] - turns[0]) == pytest.approx(2 * np.pi)
+    assert not has_orbit(ISLAND)
+    middle = curve.points.mean(axis=0)
+    assert np.all(np.sum((middle - curve.points) * curve.gradients, axis=1) > 0.0)
+    for place in curve.points[::8]:
+        assert not has_orbit(at(ISLAND, curve, place + 0.02 * (middle - place)))
+        assert has_orbit(at(ISLAND, curve, place - 0.02 * (middle - place)))
 
 
 def test_a_fold_curve_that_passes_near_its_first_point_is_not_closed():
