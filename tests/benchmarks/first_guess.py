@@ -29,6 +29,10 @@ SEED, RUNS_SEED = 0, 424_242
 TEMPLATES = ("chimney", "tower", "column", "statue")
 QUANTITIES = {"overturned": "overturned", "tilt": "mean severity"}
 """Names of the changes of paired runs, by their names in a row."""
+CASES = ("without", "guess", "searched")
+HEADS = {"block": "{block}", "excitation": "{excitation}"}
+HEADS |= {"first guess": "{guess_words}", "searched design": "{searched_words}"}
+"""First columns of both tables."""
 
 
 def cases(quick: bool) -> dict[tuple[str, str], Callable[[], Any]]:
@@ -85,21 +89,34 @@ def compared(found: Any) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return a row for each block: both pendulums, the outcomes, and the difference of the mean tilts."""
-    between = "{tilt_difference[0]:+.1%} ({tilt_difference[1]:+.1%} to {tilt_difference[2]:+.1%})"
-    heads = {"block": "{block}", "excitation": "{excitation}"}
-    heads |= {"first guess": "{guess_words}", "searched design": "{searched_words}"}
-    cases = ("without", "guess", "searched")
-    heads |= {f"overturned, {case}": f"{{overturned_{case}:.1%}}" for case in cases}
-    heads |= {f"mean tilt, {case}": f"{{tilt_{case}:.1%}}" for case in cases}
-    heads |= {"searched minus guess": between, "guess over a limit": "{guess_over:.0%}"}
-    return columns([r | _words(r) for r in rows], **heads)
+    """Return a row for each block: verdict of the search, both pendulums, outcomes and their differences."""
+    heads = {f"overturned, {case}": f"{{overturned_{case}:.1%}}" for case in CASES}
+    heads |= {"searched minus guess, overturned": _between("overturned")}
+    heads |= {"guess over a limit": "{guess_over:.0%}", "searched over a limit": "{searched_over:.0%}"}
+    return columns([r | _words(r) for r in rows], **HEADS, **{"verdict of the search": "{verdict}"}, **heads)
+
+
+def short(rows: list[dict[str, Any]]) -> str:
+    """Return a row for each block with both pendulums: mean tilts, and the difference with its interval."""
+    both = [r for r in rows if "tilt_difference" in r]
+    quakes = [r for r in both if r["excitation"] == "earthquakes"]
+    means = {key: sum(r[key] for r in quakes) / len(quakes) for key in (f"tilt_{case}" for case in CASES)}
+    heads = {f"mean tilt, {case}": f"{{tilt_{case}:.1%}}" for case in CASES}
+    heads |= {"searched minus guess": _between("tilt")}
+    last = {"block": f"mean of {len(quakes)} blocks", "excitation": "earthquakes", **means}
+    return columns([*(r | _words(r) for r in both), last], **HEADS, **heads)
+
+
+def _between(name: str) -> str:
+    of = f"{name}_difference"
+    return f"{{{of}[0]:+.1%}} ({{{of}[1]:+.1%}} to {{{of}[2]:+.1%}})"
 
 
 def _words(row: dict[str, Any]) -> dict[str, str]:
-    """Return bob, rod and damping ratio of both pendulums as text."""
+    """Return the verdict, and bob, rod and damping ratio of both pendulums, as text."""
     pendulums = {key: row[key] for key in ("guess", "searched") if key in row}
-    return {
+    words = {
         f"{key}_words": f"{number(mass, 2)} kg, {number(rod, 2)} m, {number(zeta, 2)}"
         for key, (mass, rod, zeta) in pendulums.items()
     }
+    return words | {"verdict": row["status"].replace("_", " ")}
