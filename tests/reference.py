@@ -431,7 +431,7 @@ class EventDriven:
         after = before * (self._ratio(y[1], s) if self.nonlinear and self.e < 1.0 else self.e)
         if abs(before) <= quiet and self._mode(t, np.array([0.0, y[1], 0.0, y[3]]))[0] == "rest":
             after = 0.0
-        # The rod pulls along itself only: the bob keeps its speed across.
+        # The rod transmits no transverse force: the bob keeps its transverse speed.
         if not self.nonlinear:
             y[3] += self.kappa / self.lam * (after - before)
         elif after != before:

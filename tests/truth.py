@@ -162,8 +162,8 @@ class System:
         if which == 1:
             y = [phi, psi, zero, dpsi]
             return "turn", y, self.decided(y, eta)
-        # The rod pulls along itself only: the bob keeps its speed across, lam psi' - 2 phi'. So it does
-        # through all the remaining hops of a rattle, which take phi' to nothing.
+        # The rod transmits no transverse force: the bob keeps its transverse speed, lam psi' - 2 phi', also
+        # during the remaining hops of a rattle, after which phi' is zero.
         bob = zero if self.without else 2 / self.lam
         still = [zero, psi, zero, dpsi - bob * dphi]
         if abs(self.e * dphi) < self.quiet * self.nu and self.decided(still, eta)[0] == "rest":

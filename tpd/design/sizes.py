@@ -48,8 +48,8 @@ class Evaluation(NamedTuple):
     multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers; 0 at rest."""
     reserve: np.ndarray
-    """Distance of the orbit from the bifurcation at which it stops attracting: the smallest of fold, symmetry
-    and torus in `Margins`; 1 at rest."""
+    """Margin of the orbit to the loss of its stability: the smallest of fold, symmetry and torus in
+    `Margins`; 1 at rest."""
     reserve_slope: np.ndarray
     """Derivatives of the reserve."""
     kind: np.ndarray

@@ -175,8 +175,8 @@ class _Excitation(msgspec.Struct):
         str | None,
         Key("WORD", _SHAKEN, defaults={"pulse": "scale", "records": "pga_star"}),
     ] = None
-    """Intensity measure of the scales: pga_star (PGA over g tan(alpha)), pgv_star, pga in g, pgv in m/s, or
-    scale, a factor (default pga_star; for a pulse scale)."""
+    """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
+    pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
     validation_share: Annotated[
         float | tuple[str, ...] | None,
         Key("X", _RECORDS, defaults={"records": VALIDATION_SHARE}),

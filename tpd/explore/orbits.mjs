@@ -62,7 +62,7 @@ export function place(table, point) {
  *
  * The source is "exact" on a node, "interpolated" between nodes that all have the orbit, "none" between nodes
  * without it, and "not interpolated" where the nodes differ or the point is outside of the table. The error is the
- * bound of the interpolation error, for a field that has one.
+ * estimated error of the interpolation, for a field that has one.
  */
 export function lookUp(table, name, corners) {
   const { codes, unit } = table.fields[name], bounds = table.fields[`${name}_error`];
