@@ -279,7 +279,7 @@ class Details(Printed):
     rule: Rule | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     worth: Worth | None = None
-    """Widening of the base that is worth as much as the pendulum; None if no pendulum is recommended."""
+    """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
     transfer: tuple[Transfer, ...] | str = ()
     """Shares that overturn under the other sets of records, or a sentence why they are unknown."""
     front: tuple[FrontPoint, ...] = ()
