@@ -53,9 +53,10 @@ of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt 
 decide. With 80 earthquakes it is 94 and 100 % (`tests.benchmarks.quoted`)."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
-_TRIAL_RUNS, _MORE_RUNS = 192, 384
-"""Smallest numbers of runs of a trial and of a comparison. With fewer conditions each has several runs, with
-other samples of the quantities that vary."""
+_TRIAL_RUNS, _MORE_RUNS, _BRIEF = 192, 384, 2
+"""Smallest numbers of runs of a trial and of a comparison, and their factor if all motions are pulses, whose
+runs are shorter. With fewer conditions each has several runs, with other samples of the quantities that
+vary."""
 _EVENTS = 20_000
 """Largest number of events of a trial run, in addition to one for each piece of the motion. This is
 sufficient also for a bob that swings for a long time."""
@@ -270,6 +271,7 @@ class GroundMotionProblem(Problem):
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
         least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
+        least *= _BRIEF if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
         repeats = -(-least // len(self.conditions)) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, self.scene, some, equations)
@@ -349,6 +351,11 @@ class GroundMotionProblem(Problem):
         """Return the motion of every condition with its size."""
         factors, which = motion_factors(self.scene, conditions), np.asarray(conditions.which)
         return [conditions.motions[i].scaled(float(x)) for i, x in zip(which, factors, strict=True)]
+
+    @property
+    def limit_runs(self) -> int:
+        """See `Problem.limit_runs`."""
+        return len(self._every_motion())
 
     def _every_motion(self, scatter: Mapping[str, HalfWidth] | None = None, seed: int = 0) -> Conditions:
         """Return every motion of every group at every scale, with the stated block or blocks that vary."""

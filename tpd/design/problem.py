@@ -236,6 +236,11 @@ class Problem(ABC):
         return self.usual_contacts if stated is None else stated
 
     @property
+    def limit_runs(self) -> int:
+        """Number of validation runs that show at once whether a design keeps the limits."""
+        return max(1, self.ensemble.size // 2)
+
+    @property
     def scatter(self) -> dict[str, HalfWidth]:
         """Relative half widths of the quantities that vary in the validation runs, by name, or the normal
         distribution of e."""

@@ -41,12 +41,14 @@ _CHECKED, _MOST_CHECKED = 32, 320
 _FEW, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
 number of comparisons."""
-_SAFE = 0.4
-"""Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
-runs."""
+_DEVIATIONS, _LEAST_SHARE = 2.0, 0.25
+"""Number of standard deviations by which the share of the runs that exceed a limit stays below the allowed
+share, as a margin for chance in the validation runs; and smallest ratio of both shares."""
 _NOISE = 0.005
-"""Margin of the logarithm of a limited quantity. Without it half of the designs at a limit would exceed it in
-the comparison."""
+"""Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less keeps
+it for all that is known."""
+_FURTHER = 0.01
+"""Increase of the distance from the limits from one comparison to the next, in the logarithm."""
 _LEAST_RUNS = 4
 """Smallest number of standing runs that determine a limited quantity."""
 _RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
@@ -193,7 +195,9 @@ class Refinement:
     def _sizes_of(self, design: np.ndarray, runs: Runs, rests: float) -> dict[str, float]:
         """Return the logarithm of every limited quantity over its limit that only the safe share of the
         allowed excesses exceeds, by name; NaN if too few runs stand."""
-        level, spare = 1.0 - _SAFE * self.problem.allowed, np.log1p(-self.problem.spare)
+        allowed, n = self.problem.allowed, self.problem.limit_runs
+        chance = _DEVIATIONS * np.sqrt(allowed * (1.0 - allowed) / n)
+        level, spare = 1.0 - max(allowed - chance, _LEAST_SHARE * allowed), np.log1p(-self.problem.spare)
         out = dict[str, float]()
         for name, x in self.problem.sizes_in_runs(design, runs).items():
             if name not in STILL:
@@ -238,12 +242,12 @@ class Refinement:
         if not np.isfinite(size).any():
             return margin
         trend = self.limits[name].at(self.at([c.design for c in others]))[0]
-        return margin + _NOISE + float(np.nanmean(size - trend))
+        return margin + float(np.nanmean(size - trend))
 
-    def _score(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
+    def _score(self, designs: np.ndarray | list[np.ndarray], spare: float = 0.0) -> np.ndarray:
         """Return numbers that order designs: those within the limits by their trend, then the others by their
-        excess."""
-        excess = self.excess(designs)
+        excess. `spare` is the distance that they must keep from the limits."""
+        excess = self.excess(designs) + spare
         assert self.merit is not None
         trend = self.merit.at(self.at(designs))[0]
         return np.where(excess <= 0.0, trend, _SIZES[1] + excess)
@@ -257,15 +261,15 @@ class Refinement:
         unanswered = [runs.is_unanswered.all() for runs in self.runs]
         return np.argsort(np.where(unanswered, np.inf, score), kind="stable")
 
-    def next(self, count: int, apart: float) -> np.ndarray:
-        """Return designs (m, 3) of smallest trend for the next trials, at most `count`, at a distance from
-        each other and from all earlier ones."""
+    def next(self, count: int, apart: float, spare: float = 0.0) -> np.ndarray:
+        """Return designs (m, 3) of smallest trend for the next trials, at most `count`, at a distance `apart`
+        from each other and from all earlier ones, and `spare` from the limits."""
         space, self._turn = self.problem.space, self._turn + 1
         rng = np.random.default_rng([self.problem.seed, 12, self._turn])
         if self.merit is None:
             return space.sample(rng, count)
         x = self._proposals(rng)
-        x = x[np.argsort(self._score(x), kind="stable")[:_MOST_CHECKED]]
+        x = x[np.argsort(self._score(x, spare), kind="stable")[:_MOST_CHECKED]]
         chosen, seen = np.empty((0, 3)), self.at(self.designs)
         # Limits that need no run are cheap to check, but not for thousands of proposals.
         for some in np.array_split(x, range(_CHECKED, len(x), _CHECKED)):
@@ -301,13 +305,14 @@ class Refinement:
         # The first comparison only corrects the trends, before which the choice would be one of chance. After
         # a rejection they are corrected already.
         for turn in range(len(rejected) > 0, _COMPARISONS):
-            if turn and len(new := self.next(_BATCH, _APART[1])):
-                # The comparison has shown by how much the trends of the limits are wrong.
+            # The comparisons have shown by how much the trends of the limits are wrong. Designs further inside
+            # follow if that was not enough: otherwise only trials far away would keep the limits.
+            if turn and len(new := self.next(_BATCH, _APART[1], (turn - 1) * _FURTHER)):
                 self.evaluate(new)
             for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
                 self.progress("comparing", done := len(self.compared) + 1, max(done, sum(_FEW)))
                 self.compare(design)
-            kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= 0.0]
+            kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
         every = self._eligible(rejected)
