@@ -45,8 +45,8 @@ _DEVIATIONS, _LEAST_SHARE = 2.0, 0.25
 """Number of standard deviations by which the share of the runs that exceed a limit stays below the allowed
 share, as a margin for chance in the validation runs; and smallest ratio of both shares."""
 _NOISE = 0.005
-"""Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less keeps
-it for all that is known."""
+"""Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less may
+well keep it."""
 _FURTHER = 0.01
 """Increase of the distance from the limits from one comparison to the next, in the logarithm."""
 _LEAST_RUNS = 4
@@ -305,8 +305,8 @@ class Refinement:
         # The first comparison only corrects the trends, before which the choice would be one of chance. After
         # a rejection they are corrected already.
         for turn in range(len(rejected) > 0, _COMPARISONS):
-            # The comparisons have shown by how much the trends of the limits are wrong. Designs further inside
-            # follow if that was not enough: otherwise only trials far away would keep the limits.
+            # The comparisons have shown by how much the trends of the limits are wrong. If that was not enough,
+            # designs further inside follow. Otherwise only trials far away would keep the limits.
             if turn and len(new := self.next(_BATCH, _APART[1], (turn - 1) * _FURTHER)):
                 self.evaluate(new)
             for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
