@@ -270,7 +270,7 @@ excitation = {pulse = "rickr", pulse_frequency = 1} | but is 'rickr'; did you me
 excitation = {PULSE} | `pga`, the peak acceleration of the pulse in g, is missing
 excitation = {pulse = "ricker"} | a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p
 excitation.kind = "record" | but is 'record'; did you mean `records`?
-hazard.levels = [0.1, 0.2] | `hazard.levels` requires a pulse or records, which this job does not have
+hazard.levels = [0.1, 0.2] | `hazard.levels` requires a pulse or records of several levels
 excitation = {RECORDS}; hazard.levels = [0.1, 0.2] | [hazard] `rates` must be 2 rates per year, one for each
 excitation = {RECORDS}; hazard.rates = [0.1, 0.2] | [hazard] `levels` must be a vector of 2 or more increasi
 excitation = {RECORDS}; hazard.intensity = "pgv" | [hazard] `levels` must be a vector of 2 or more increasin

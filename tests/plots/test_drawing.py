@@ -95,7 +95,7 @@ def test_the_drawing_states_the_clearance_and_the_angle_of_wall_contact():
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     clearance = 0.0475 - float(bob.radius(mass))
     text = said(wide, examples.PENDULUM, swing=0.05, bob=bob)
-    assert f"clearance at this swing: {number(clearance - rod * np.sin(0.05), 3)} m" in text
+    assert f"clearance at this swing: {number(1e3 * (clearance - rod * np.sin(0.05)), 3)} mm" in text
     assert f"wall contact at ±{np.arcsin(clearance / rod):.3g} rad" in text
     assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 

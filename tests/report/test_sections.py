@@ -109,7 +109,7 @@ def test_the_table_lists_the_limits_that_exclude_better_designs():
     (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
     assert (f"exceed each limit, or for which it is unknown: stroke {over}" in text.text) == (over > 0)
     share = words.percent(harmonic().usage["stroke"])
-    assert rows(used)["stroke"] == ("stroke 0.5 rad", "each run", share)
+    assert rows(used)["stroke"] == ("at most 0.5 rad", "settled motion of each run", share)
     assert rows(used)["reserve"][2] is None
     best = trials.best_without()
     assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)

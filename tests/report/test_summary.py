@@ -131,7 +131,7 @@ def test_the_comparison_table_has_the_runs_and_shares_of_the_verdict():
         runs, table = design.runs, comparison(design.runs)
         # The seed is of no use to the reader of the first screen.
         counted, _, more = runs.description.partition(f", seed {runs.with_pendulum.seed}")
-        assert table.caption.startswith(f"{counted}{more}. Tilts: ")
+        assert table.caption.startswith(f"Validation: {counted}{more}. Tilts: ")
         row = next(row for row in table.rows if row[0] == "overturned")
         fell = runs.change("overturned")
         assert row[1:3] == tuple(percent(x, 1) for x in (fell.with_pendulum, fell.without_pendulum))

@@ -110,12 +110,12 @@ def test_an_infinite_angle_reads_overturns_and_nan_reads_unknown():
 
 
 def test_each_limit_is_described_in_words():
-    assert words.limit(Mass(2.0)) == "mass 2 kg"
+    assert words.limit(Mass(2.0)) == "at most 2 kg"
     assert words.limit(Clearance()) == "the bob, a solid ball of steel, does not touch the walls"
     wood = Clearance(Bob(shape="cylinder", density=700.0))
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in harmonic().problem.limits]
-    assert said == ["stroke 0.5 rad", "reserve 0.05"]
+    assert said == ["at most 0.5 rad", "at least 0.05"]
 
 
 def test_the_toppling_angle_is_atan_of_width_over_height():

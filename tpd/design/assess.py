@@ -67,8 +67,9 @@ class Alternatives(NamedTuple):
     def __str__(self) -> str:
         force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
         friction = f"with a coefficient of friction of at least {_at_least(self.friction)}"
-        damping = f"{100.0 * self.damping:g} % damping" if self.damping else "no damping"
-        isolation = f"a base isolation with {damping} and a period of {self._isolation(self.isolation)}"
+        kind = f"a base isolation with {100.0 * self.damping:g} % damping and"
+        kind = kind if self.damping else "an undamped base isolation with"
+        isolation = f"{kind} a period of {self._isolation(self.isolation)}"
         if (n := len(self.periods)) > 1:
             isolation += (
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"

@@ -646,6 +646,7 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
             is_off = table == "limits" and value is False
             missing = "" if is_usual or is_off else lacks(full, table, key)
             if missing:
+                missing += " of several levels" if table == "hazard" else ""
                 raise ValueError(f"`{table}.{key}` requires {missing}, which this job does not have")
     job = _JOBS[full["excitation"]["kind"]](full=full)
     _check_whole_block(tables, job.kind)

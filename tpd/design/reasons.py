@@ -31,7 +31,7 @@ class DesignStatus(enum.Enum):
         "Check it with earthquakes and with a contact engine before it is built.",
     )
     tuned_only = (
-        "TUNED TO THESE MOTIONS ONLY: all records were used for the search. The benefit in other "
+        "TUNED TO THESE MOTIONS ONLY: all of them were used for the search. The benefit in other "
         "earthquakes is unknown.",
         "Give records of other earthquakes, or a share of the records for the validation.",
     )

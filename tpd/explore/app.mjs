@@ -119,7 +119,7 @@ function simulate(pendulum) {
   record(motion);
   motion.complete(duration() * scene.rate, parts, record);
   const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
-  const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
+  const outcome = stalled ? "has no result (too many events)" : hasEnded ? fall : "does not overturn";
   return { ...largest, history, hasEnded, outcome };
 }
 
@@ -222,7 +222,7 @@ function shareText(hits) {
   const n = hits.length, share = hits.reduce((a, b) => a + b, 0) / n, square = 1.96 ** 2 / n, scale = 1 + square;
   const half = Math.sqrt(square * (share * (1 - share) + square / 4)) / scale, middle = (share + square / 2) / scale;
   const [low, high] = [middle - half, middle + half].map((x) => Math.abs(100 * x).toFixed(0));
-  return n ? `${(100 * share).toFixed(0)} % (${low} to ${high} %)` : "no answer yet";
+  return n ? `${(100 * share).toFixed(0)} % (${low} to ${high} %)` : "no result yet";
 }
 
 /** Simulate all runs with and without the pendulum. Pauses keep the page responsive, and a later call ends this one. */
@@ -503,6 +503,7 @@ function begin() {
   const others = data.other_limits.join(", ");
   byId("other-limits").textContent = others && `Not evaluated on this page: ${others}.`;
   for (const part of document.querySelectorAll(".harmonic")) part.hidden = Boolean(ground);
+  byId("ground-text").hidden = !ground;
   byId("runs-words").textContent = trials?.words ?? "";
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));

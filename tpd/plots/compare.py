@@ -19,6 +19,7 @@ from tpd.plots.style import (
     LABELS,
     NOT_RECOMMENDED,
     ORANGE,
+    SMALL,
     in_degrees,
     legend,
     new_axes,
@@ -29,7 +30,7 @@ _MOST = 24
 """Largest number of groups of runs with a row of their own. They are chosen evenly from all groups."""
 _SHOWN = {
     "mean severity": "tilt, mean",
-    "worst severity": "tilt, worst tenth",
+    "worst severity": "tilt, mean of the highest 10 %",
     "overturned": "overturned",
     "at rest": "at rest at the end",
 }
@@ -71,7 +72,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     # Marks are not clipped: half of a mark at 0 or 1 could be taken for another mark.
     for case, x, size in zip(CASES, (without, pendulum), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})
-    ax.set_yticks(heights, [row[0] for row in rows], fontsize=8)
+    ax.set_yticks(heights, [row[0] for row in rows], fontsize=SMALL)
     ax.set(xlim=(0.0, 1.0), xlabel="share of the runs; tilt as a share of the slenderness (-)")
     ax.invert_yaxis()
     ax.grid(axis="x", color=GREY, lw=0.4, alpha=0.6)

@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from tpd.core.formatting import number
 from tpd.design.design import Design
 from tpd.limits import Clearance, limit_of
-from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
+from tpd.plots.style import BLUE, GREY, INK, SMALL, Picture, own_style
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Pendulum, Scene
 
@@ -134,7 +134,7 @@ class _AsBuilt(NamedTuple):
 
         clearance = -excess(self.angle)
         text = (
-            f"clearance at this swing: {number(clearance, 3)} m"
+            f"clearance at this swing: {number(1e3 * clearance, 3)} mm"
             if clearance > 0.0
             else "the bob touches the wall"
         )
@@ -273,7 +273,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
     length = f"{number(built.rod)} m as built" if built.exists else "no such body"
     labels: list[Label] = [
         (f"beam with hinge and damper,\n{damper}", (0.0, 0.0)),
-        (f"rod, hinge to centre: {length}\n({number(p.length)} m in the equations)", (0.0, -0.4 * built.rod)),
+        (f"rod to the centre: {length}\n({number(p.length)} m in the equations)", (0.0, -0.4 * built.rod)),
         (f"bob, {number(mass)} kg{shape}\n{size}", (0.0, -built.rod)),
         (f"depth below the hinge: {number(built.depth, 3)} m", (0.0, -built.depth)),
     ]
@@ -290,7 +290,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), remaining - 0.5 * tall)
         top, remaining = at[1] - 0.5 * tall, remaining - tall
         line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
-        ax.annotate(text, xy=place, xytext=at, fontsize=8, va="center", color=INK, arrowprops=line)
+        ax.annotate(text, xy=place, xytext=at, fontsize=SMALL, va="center", color=INK, arrowprops=line)
 
 
 def _body(bob: Bob, mass: float, rod: float, angle: float) -> np.ndarray:
@@ -329,12 +329,12 @@ def _dimension(
     ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
     x, y = ends.mean(axis=0)
     if is_level:
-        ax.text(x, y + 0.05 / scale, text, fontsize=8, color=INK, ha="center", va="bottom")
+        ax.text(x, y + 0.05 / scale, text, fontsize=SMALL, color=INK, ha="center", va="bottom")
         return
     # A text that is longer than the line would reach above the view, so it is moved down.
     _, (_, top) = ends
     y = min(y, top - 0.035 * len(text) / scale)
-    ax.text(x - 0.04 / scale, y, text, rotation=90, fontsize=8, color=INK, ha="right", va="center")
+    ax.text(x - 0.04 / scale, y, text, rotation=90, fontsize=SMALL, color=INK, ha="right", va="center")
 
 
 def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
@@ -352,4 +352,4 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     arrow = {"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
     ax.annotate("", xy=(length, y), xytext=(-length, y), arrowprops=arrow)
     text = f"block: {number(scene.block.mass)} kg\nbase: {motion.in_drawing}"
-    ax.text(0.0, y - 0.1 * inch, text, fontsize=8, ha="center", va="top", color=INK)
+    ax.text(0.0, y - 0.1 * inch, text, fontsize=SMALL, ha="center", va="top", color=INK)

@@ -11,7 +11,18 @@ from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
 from tpd.design.refine import Trials
-from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
+from tpd.plots.style import (
+    HALO,
+    INK,
+    LABELS,
+    NOT_RECOMMENDED,
+    ORANGE,
+    SMALL,
+    edge,
+    legend,
+    new_axes,
+    own_style,
+)
 
 _GRID = 48
 """Number of points along each axis."""
@@ -144,10 +155,10 @@ def _shade(ax: Axes, x: np.ndarray, y: np.ndarray, field: np.ndarray, without: f
     style: dict[str, Any] = {"levels": levels, "extend": "max" if field.max() > levels[-1] else "neither"}
     shades = ax.contourf(x, y, field, cmap="Blues", **style)
     lines = ax.contour(x, y, field, levels=levels[::3], colors=INK, linewidths=0.4)
-    for text in ax.clabel(lines, fmt="%.3g", fontsize=8, zorder=2):
+    for text in ax.clabel(lines, fmt="%.3g", fontsize=SMALL, zorder=2):
         text.set_path_effects(HALO)
     bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=label)
-    bar.ax.set_title(f"without: {without:.2g}", fontsize=8)
+    bar.ax.set_title(f"without: {without:.2g}", fontsize=SMALL)
 
 
 def _star(ax: Axes, design: Design, at: np.ndarray) -> None:

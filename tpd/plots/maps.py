@@ -16,7 +16,7 @@ from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
-from tpd.plots.style import CASES, GREY, HALO, INK, LABELS, LINES, edge, legend, new_axes, own_style
+from tpd.plots.style import CASES, GREY, HALO, INK, LABELS, LINES, SMALL, edge, legend, new_axes, own_style
 from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 from tpd.scene.record import Record
@@ -80,7 +80,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     ax.set(xlabel=LABELS[m.x_name], ylabel=LABELS[m.y_name])
     if handles:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 2}
-        ax.legend(handles=handles, fontsize=8, frameon=False, **place)
+        ax.legend(handles=handles, fontsize=SMALL, frameon=False, **place)
     return ax
 
 
@@ -123,7 +123,7 @@ def plot_fold_curve(curve: FoldCurve, ax: Any = None) -> Any:
     ax.plot(*curve.points.T, color=INK, lw=1.6, path_effects=[*HALO, ticks, Normal()])
     if len(curve.points):
         middle = curve.points[len(curve.points) // 2]
-        text = ax.annotate("fold", middle, fontsize=8, ha="center")
+        text = ax.annotate("fold", middle, fontsize=SMALL, ha="center")
         text.set_path_effects(HALO)
     return ax
 
@@ -160,7 +160,7 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
             # A pulse without a result would be white, as if the block stood.
             at = spectrum.frequency_ratios[ratio], spectrum.acceleration_ratios[size]
             ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no result: {size.size} of {cell.size}")
-            ax.legend(fontsize=8, loc="upper left")
+            ax.legend(fontsize=SMALL, loc="upper left")
         ax.set(title=case["label"], xlabel=r"frequency of the pulse $\omega_p/p$ (-)")
     axes[0].set_ylabel(r"largest acceleration $a_p/(g\,\tan\alpha)$ (-)")
     ticks = [STANDS, ROCKS, OVERTURNS, 0.5 * (OVERTURNS + 0.5 + 1e9)]
@@ -168,7 +168,7 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
         image, ax=list(axes), ticks=ticks, spacing="uniform", location="bottom", shrink=0.9, aspect=50
     )
     bar.ax.set_xticklabels(
-        ["stands", "rocks", "overturns\nafter impacts", "overturns\nwithout impact"], fontsize=8
+        ["stands", "rocks", "overturns\nafter impacts", "overturns\nwithout impact"], fontsize=SMALL
     )
     return axes
 

@@ -16,7 +16,19 @@ from tpd.answers.motion_history import MotionHistory
 from tpd.answers.response import Branches, Response
 from tpd.design.as_built import TimeHistory, time_histories
 from tpd.design.design import Design
-from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
+from tpd.plots.style import (
+    CASES,
+    GREY,
+    INK,
+    LABELS,
+    LINES,
+    ORANGE,
+    SMALL,
+    in_degrees,
+    legend,
+    new_axes,
+    own_style,
+)
 from tpd.scene.status import SETTLED, names_of
 
 _UNSTABLE = (0, (4, 2))
@@ -74,7 +86,11 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
             axes[1].plot(r.frequency, value, **CASES[i] | {"marker": "", "lw": 1.6})
     if any((r.status == "overturned").any() for r in responses):
-        place: dict[str, Any] = {"fontsize": 8, "va": "bottom", "transform": axes[0].get_yaxis_transform()}
+        place: dict[str, Any] = {
+            "fontsize": SMALL,
+            "va": "bottom",
+            "transform": axes[0].get_yaxis_transform(),
+        }
         axes[0].text(0.01, 1.02 * top, "overturns from rest", **place)
     axes[0].set_ylabel(r"settled amplitude $\Phi$ from rest (rad)")
     axes[0].set_ylim(0.0, 1.1 * top)
@@ -84,7 +100,7 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     for ax in axes if own is not None else ():
         ax.axvline(own, color=ORANGE, lw=1.0, ls=(0, (1, 2)))
     if own is not None:
-        place = {"fontsize": 8, "rotation": 90, "va": "center", "ha": "right"}
+        place = {"fontsize": SMALL, "rotation": 90, "va": "center", "ha": "right"}
         axes[0].text(own, 0.5, "design ", transform=axes[0].get_xaxis_transform(), color=ORANGE, **place)
     axes[-1].set_xlabel(LABELS[responses[0].name if responses else "frequency"])
     legend(axes[0])
@@ -219,7 +235,7 @@ def plot_motions(
         if overturns and is_shown.any():
             at = time[is_shown][-1], tilt[is_shown][-1]
             tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
-            tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=8)
+            tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=SMALL)
         if swing is not None:
             axes[first + 1].plot(time, np.where(is_shown, swing, np.nan), **style | {"label": None})
     largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=0.0)) for line in tilts.lines)

@@ -58,6 +58,10 @@ LABELS = {
 """Axis labels by the names of the quantities."""
 
 
+SMALL = 9
+"""Size (pt) of the smallest text, which can be read on a telephone."""
+
+
 @contextlib.contextmanager
 def own_style() -> Iterator[None]:
     """Draw in the style of this package, independent of the user's Matplotlib settings, which do not change.
@@ -95,7 +99,7 @@ def legend(ax: Any, columns: int = 2, **place: Any) -> None:
     """
     if ax.get_legend_handles_labels()[0]:
         above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
-        ax.legend(fontsize=8, frameon=False, **(place or above))
+        ax.legend(fontsize=SMALL, frameon=False, **(place or above))
 
 
 def edge(
@@ -119,7 +123,9 @@ def edge(
     longest = max(line.allsegs[0], key=len)
     # Edges of several limits often run side by side. Callers choose different shares for them, so that the
     # names do not overlap.
-    text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
+    text = ax.annotate(
+        name, longest[int(share * (len(longest) - 1))], fontsize=SMALL, ha="center", va="center", zorder=4
+    )
     text.set_path_effects(HALO)
 
 

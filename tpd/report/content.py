@@ -212,7 +212,7 @@ def _hypotheses(design: Design) -> Table:
         ("block", f"rigid; {'uniform rectangle' if gyration is None else radius}"),
         ("R, half diagonal of the block", f"{diagonal} m"),
         ("α, toppling angle", words.angle(math.atan(float(block.slenderness)))),
-        ("p = ω₀, frequency parameter", f"{number(float(scene.rate))} rad/s"),
+        ("p = ω₀ = √(g ρ/b)", f"{number(float(scene.rate))} rad/s, frequency parameter of the block"),
         (
             "energy loss",
             f"{words.losses(block)} (e: coefficient of restitution; k: moment of friction over M g b)",

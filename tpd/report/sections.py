@@ -14,7 +14,7 @@ from tpd.core.formatting import number, percent, unanswered
 from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
 from tpd.design.sizes import MOTION_KINDS
-from tpd.limits import LABELS, STILL
+from tpd.limits import LABELS, STILL, Clearance
 from tpd.records.read import same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
@@ -61,7 +61,7 @@ def over_runs(design: Design) -> list[Block]:
     rows: list[tuple[Cell, ...]] = []
     worst = runs.change("worst severity")
     shares = (percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
-    rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
+    rows.append(("mean tilt of the 10 % of the runs with the largest tilt (of ν)", *shares))
     # All ground motions begin at rest, and grow as recorded.
     if runs.cluster is None:
         by_case = [o.share_by_start() for o in cases]
@@ -231,9 +231,8 @@ def _utilisation(design: Design, build: Build | None) -> list[Block]:
     rows = tuple(
         (
             LABELS.get(name, name),
-            words.limit(limits[name]) if name in limits else None,
-            # Mass and size of the body do not depend on the motion.
-            "bob as built" if name in STILL else "each run" if limits[name].of_motion else "settled motion",
+            words.limit(limits[name]) if name in limits else words.limit_of_size(name, design, build),
+            _concerns(name, design),
             percent(shares[name]) if name in shares else None,
         )
         for name in {**limits, **shares}
@@ -242,9 +241,20 @@ def _utilisation(design: Design, build: Build | None) -> list[Block]:
     which = "recommended pendulum" if design.pendulum else "nearest design"
     caption = (
         f"Utilisation: quantity of the {which} over its limit, in {words.kept(design)}. At 100 % the limit "
-        "is reached. Limits on the settled motion hold under each condition."
+        "is reached."
     )
     return [Table(("quantity", "limit", "concerns", "utilisation"), rows, caption)] if shares else []
+
+
+def _concerns(name: str, design: Design) -> str:
+    """Return which motions a limited quantity is taken from. Mass and size of the body have no motion."""
+    if name in STILL:
+        return "bob as built"
+    # The bob must not touch the walls during the transient either. Runs under ground motions do not settle.
+    if name == Clearance.name or design.problem.has_earthquakes:
+        return "each whole run"
+    limit = next(of for of in design.problem.limits if of.name == name)
+    return f"settled motion of each {'run' if limit.of_motion else 'condition'}"
 
 
 def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core.formatting import compared, ends, number, percent, unanswered, with_and_without
-from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Clearance, Limit, limit_of
+from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, MEASURED, THICKNESS, Clearance, Limit, Reserve, limit_of
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
+from tpd.scene.bob import THICKEST
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.quantities import UNITS
 from tpd.scene.record import Record
@@ -122,15 +123,28 @@ def risk(design: Design, value: float) -> str:
 
 
 def limit(of: Limit) -> str:
-    """Describe a limit by its name and value."""
-    name = of.name.replace("_", " ")
+    """Describe a limit by its largest or smallest value."""
     if isinstance(of, Clearance):
         return f"the bob, {of.bob}, does not touch the walls"
     if type(of) not in LIMIT_KINDS:
         # A limit that the user defined may have any fields, in units that are unknown here.
-        return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
+        return ", ".join(f"{k} = {v}" for k, v in vars(of).items())
     (value,) = vars(of).values()
-    return f"{name} {number(value)} {of.unit}".strip()
+    return f"at {'least' if isinstance(of, Reserve) else 'most'} {number(value)} {of.unit}".strip()
+
+
+def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
+    """Describe the limit on thickness or depth, which belongs to the limit on clearance; None for another
+    size. See `usage` for the arguments."""
+    scene, hinge = design.scene, design.problem.space.hinge_height
+    if name == DEPTH:
+        return f"at most {number(float(scene.block.height if hinge is None else hinge))} m, to the base"
+    if name != THICKNESS:
+        return None
+    has_rod = build is not None and math.isfinite(build.rod)
+    return f"at most {THICKEST:g} times the rod" + (
+        f": {number(THICKEST * build.rod, 3)} m" if has_rod else ""
+    )
 
 
 def missing(design: Design) -> list[str]:
@@ -272,7 +286,9 @@ def comparison(runs: PairedRuns) -> Table:
         rows.append((_CHANGES[c.name], *shares, difference(c, digits)))
     # The seed is in the section on the validation runs.
     described = runs.description.replace(f", seed {runs.with_pendulum.seed}", "")
-    caption = f"{described}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    caption = (
+        f"Validation: {described}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    )
     caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))

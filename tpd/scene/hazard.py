@@ -96,7 +96,8 @@ class Hazard:
         """
         if other.quantity != self.measure.quantity:
             two = f"{self.measure.quantity} in {self.measure.unit} and {other.quantity}"
-            raise ValueError(f"hazard and ground motions must have the same `intensity`, but they have {two}")
+            same = "hazard and ground motions must have the same `intensity`"
+            raise ValueError(f"{same}, but they have {two}: state `scales` in this measure")
         return other.si / self.measure.si
 
     def exceeding(self, levels: Any) -> Any:
