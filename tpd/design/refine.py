@@ -305,7 +305,7 @@ class Refinement:
         # The first comparison only corrects the trends, before which the choice would be one of chance. After
         # a rejection they are corrected already.
         for turn in range(len(rejected) > 0, _COMPARISONS):
-            # The comparisons have shown by how much the trends of the limits are wrong. If that was not enough,
+            # The comparisons show by how much the trends of the limits are wrong. If that is not enough,
             # designs further inside follow. Otherwise only trials far away would keep the limits.
             if turn and len(new := self.next(_BATCH, _APART[1], (turn - 1) * _FURTHER)):
                 self.evaluate(new)
