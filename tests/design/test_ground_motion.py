@@ -272,7 +272,7 @@ RATE = tpd.limits.Requirements(reduce="rate")
 
 def test_a_required_rate_needs_a_hazard_and_three_levels():
     assert with_hazard(requirements=RATE).requirements.reduce == "rate"
-    message = "`reduce` can be rate only with a hazard and 3 levels or more, but there are "
+    message = r"ground motions of 3 levels \(`scales`\) or more, but there are "
     for given, have in (
         ({"hazard": None}, "3 levels and no hazard"),
         ({"scales": (1.3, 2.0)}, "2 levels and a"),
@@ -333,3 +333,9 @@ def test_the_design_does_not_depend_on_the_order_of_the_records(names):
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
+
+
+def test_a_group_of_pulses_has_no_records_in_its_name():
+    pulses = [tpd.Pulse(kind="ricker", acceleration=2.0, frequency=f) for f in (1.0, 2.0)]
+    assert [group.name for group in grouped(pulses, 0.5, 0)] == ["search pulses", "validation pulses"]
+    assert [group.name for group in grouped([tpd.records.el_centro()], 0.0, 0)] == ["search records"]

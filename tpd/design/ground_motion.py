@@ -527,9 +527,15 @@ def grouped(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
             "give more records, name their earthquakes, or give 0 to use all of them in the search"
         )
-    tuned = Group(Role.tuned.value, Role.tuned, inside, numbers[~is_outside])
-    validation = Group(Role.validation.value, Role.validation, outside, numbers[is_outside])
+    tuned = Group(_name(Role.tuned, inside), Role.tuned, inside, numbers[~is_outside])
+    validation = Group(_name(Role.validation, outside), Role.validation, outside, numbers[is_outside])
     return (tuned, validation) if outside else (tuned,)
+
+
+def _name(role: Role, motions: Sequence[GroundMotion]) -> str:
+    """Return the name of the group with a role. A pulse is no record."""
+    is_record = any(isinstance(motion, Record) for motion in motions)
+    return role.value if is_record else role.value.replace("records", "pulses")
 
 
 def _others(
@@ -542,7 +548,7 @@ def _others(
     # must have the same number.
     numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
     used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
-    groups = [Group(Role.tuned.value, Role.tuned, tuple(motions), used)]
+    groups = [Group(_name(Role.tuned, motions), Role.tuned, tuple(motions), used)]
     for (name, listed), events in zip(validation_share.items(), parts, strict=True):
         # An earthquake that the search uses does not test the design, so its motions are left out of the
         # group. A motion without the name of its earthquake is never left out.

@@ -138,7 +138,8 @@ class Problem(ABC):
         if is_rate and (n < 3 or self.conditions.hazard is None):
             have = f"{n or 'no'} levels and {'a' if self.conditions.hazard else 'no'} hazard"
             raise ValueError(
-                f"`reduce` can be rate only with a hazard and 3 levels or more, but there are {have}"
+                "`reduce` can be rate only with a hazard and ground motions of 3 levels (`scales`) or more, "
+                f"but there are {have}"
             )
 
     @classmethod
