@@ -95,7 +95,7 @@ class NoisyProblem(Problem):
     duration_in_words: ClassVar[str] = "runs of any duration"  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0
-    """Share of the runs without an answer."""
+    """Share of the runs without a result."""
     calm: bool = False
     asked: list = None  # type: ignore[assignment]
     """Seeds of trial runs and of paired runs."""

@@ -209,6 +209,17 @@ def test_the_guide_has_one_term_for_each_concept(word):
     assert not found, f"write {(COMPETING | FORBIDDEN)[word]}:\n" + "\n".join(found)
 
 
+@pytest.mark.parametrize("word", [r"without an answer|ha(s|ve) no answer", r"[bB]ase motion", "worst tenth"])
+def test_the_source_keeps_to_the_terms_of_the_guide(word):
+    found = [
+        f"{name_of(path)}:{i}: {line.strip()}"
+        for path in FILES
+        for i, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(word, line)
+    ]
+    assert not found, "\n".join(found)
+
+
 def test_an_error_message_is_a_sentence_with_a_verb():
     found = [
         f"{name_of(path)}:{line}: {text}"

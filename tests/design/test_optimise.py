@@ -119,7 +119,7 @@ def test_no_design_is_evaluated_if_the_block_rests():
 
 
 def test_many_runs_without_a_result_leave_a_design_undecided():
-    """Most runs have no answer: the verdict depends on them, and the status says so."""
+    """Most runs have no result: the verdict depends on them, and the status says so."""
     found = solve_problem(NoisyProblem.of(unanswered=0.6))
     assert found.status is DesignStatus.undecided
     assert found.pendulum is None

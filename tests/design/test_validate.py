@@ -173,7 +173,7 @@ def test_wall_contact_in_the_transient_rejects_a_design():
 
 
 def test_a_verdict_that_depends_on_runs_without_a_result_is_undecided():
-    """Forty pairs show a benefit; ten more have no answer, and the block might overturn in all of them."""
+    """Forty pairs show a benefit; ten more have no result, and the block might overturn in all of them."""
     v = validated(paired([0.1] * 40 + [np.nan] * 10, [0.3] * 50))
     assert v.status is DesignStatus.undecided
     assert v.refusals == ("10 of 50 runs have no result, and the verdict depends on them",)

@@ -209,7 +209,7 @@ def _scanned(
     if table.outcome[0] != stood:
         falls[0] = np.nan
     answered = ~np.isnan(falls)
-    # Each change between two factors is an end of a tongue. Runs without an answer count as not overturned.
+    # Each change between two factors is an end of a tongue. Runs without a result count as not overturned.
     edges = np.flatnonzero((falls[1:] == 1.0) != (falls[:-1] == 1.0))
     inner = edges[answered[edges] & answered[edges + 1]]
     lo, hi, is_exact = scales[edges], scales[edges + 1], np.ones(len(edges), dtype=bool)
@@ -223,14 +223,14 @@ def _scanned(
     # An odd number of ends means that the last tongue ends with the scan.
     if len(borders) % 2:
         borders = np.concatenate([borders, scales[-1:]])
-    # Each run of factors without an answer gives an interval that reaches to the next answered factors.
+    # Each run of factors without a result gives an interval that reaches to the next answered factors.
     starts = np.flatnonzero(~answered & np.concatenate([[True], answered[:-1]]))
     stops = np.flatnonzero(~answered & np.concatenate([answered[1:], [True]]))
     outer = scales[np.maximum(starts - 1, 0)], scales[np.minimum(stops + 1, steps)]
     undecided = np.concatenate([np.stack(outer, axis=1), np.stack([lo, hi], axis=1)[~is_exact]])
     begins, _ = undecided.T
     first = borders[0] if len(borders) else np.inf
-    # An interval without an answer below the first crossing could contain an earlier one.
+    # An interval without a result below the first crossing could contain an earlier one.
     if begins.min(initial=np.inf) < first:
         first = np.nan
     return np.asarray(first), _padded(borders.reshape(-1, 2)), _padded(undecided[np.argsort(begins)])
@@ -279,6 +279,6 @@ def bisected(
         lower = _SECTIONS - np.argmax(this[:, ::-1], axis=1)
         every = np.arange(len(rows))
         lo[rows], hi[rows] = factors[every, lower], factors[every, upper]
-        # If half of the factors between them have no answer, further rounds do not narrow the interval.
+        # If half of the factors between them have no result, further rounds do not narrow the interval.
         is_narrow[rows] = upper - lower < _SECTIONS // 2
     return lo, hi, is_narrow | (hi - lo < _NARROW * hi)

@@ -71,7 +71,7 @@ class Curve:
         median, dispersion = self.fit.words
         if not self.undecided.any():
             return median, dispersion
-        # The median is lower if all motions without an answer reach the state.
+        # The median is lower if all motions without a result reach the state.
         low, high = (median_words(x) for x in self.medians)
         return f"{median}, {low} to {high} depending on the motions without a result", dispersion
 
@@ -165,7 +165,7 @@ class Fragility(Printed, Cases):
                 rows.append((f"  {name}", label, *((counted,) if is_few else case[name].words)))
         lines += aligned(rows)
         runs = len(self.motions) * len(self.stripes)
-        # The outcomes without an answer are the same for all states, so one curve of each case suffices.
+        # The outcomes without a result are the same for all states, so one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without a result, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
@@ -276,7 +276,7 @@ def fragility(
 
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
     nu, quakes = float(block.slenderness), earthquakes_of(motions)
-    # 1 where a run reaches a damage state, 0 where it does not, NaN without an answer.
+    # 1 where a run reaches a damage state, 0 where it does not, NaN without a result.
     reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
     hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}
     # The runs have the axes cases, motions and stripes.
@@ -326,7 +326,7 @@ def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) 
     counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
     shares = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
     fit, undecided = fit_lognormal(stripes, hit, quakes), len(hit) - total
-    # The two extreme outcomes of the motions without an answer: all reach the state, and none does.
+    # The two extreme outcomes of the motions without a result: all reach the state, and none does.
     ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
     return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
 

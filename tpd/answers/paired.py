@@ -164,7 +164,7 @@ class PairedRuns(Printed):
 
     @cached_property
     def severity(self) -> np.ndarray:
-        """Severity with and without the pendulum, shape (2, runs); NaN without an answer."""
+        """Severity with and without the pendulum, shape (2, runs); NaN without a result."""
         return np.stack([runs.severity for runs in self._cases])
 
     @cached_property
@@ -185,7 +185,7 @@ class PairedRuns(Printed):
 
     @property
     def undecided(self) -> int:
-        """Number of pairs of runs without an answer in at least one case."""
+        """Number of pairs of runs without a result in at least one case."""
         return int(np.sum(~self.is_answered))
 
     def _clusters(self, rows: np.ndarray) -> np.ndarray | None:
@@ -306,7 +306,7 @@ class PairedRuns(Printed):
         return (
             mean("mean severity", pair),
             single("median severity", np.median),
-            # The mean of the worst tenth of the runs, because the single worst run is mostly chance.
+            # The mean of the 10 % of the runs with the largest tilt, because a single run is chance.
             single("worst severity", lambda x: np.sort(x)[-max(1, len(x) // 10) :].mean()),
             mean("overturned", overturned),
             mean("at rest", rests),
@@ -399,7 +399,7 @@ class PairedRuns(Printed):
 
     @property
     def ends(self) -> tuple[PairedRuns, ...]:
-        """The two extreme outcomes of the runs without an answer: all against the pendulum, and all for it.
+        """The two extreme outcomes of the runs without a result: all against the pendulum, and all for it.
 
         The tuple is empty if all runs have an answer.
         """

@@ -33,7 +33,7 @@ _QUANTILES = {
     "bob's angle, rad": "swing",
 }
 UNANSWERED_ROW = "runs without a result"
-"""Label of the number of runs without an answer, in tables."""
+"""Label of the number of runs without a result, in tables."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""
 _PIECES = 1 << 21
@@ -45,7 +45,7 @@ class Runs(Printed, Tabular):
     """Runs of one block: NumPy arrays of the same shape.
 
     Angles are in rad. They are infinite in a run in which the block overturns, because their values would
-    depend on the time at which the run was stopped. A run has no answer if it reached the limit on events, or
+    depend on the time at which the run was stopped. A run has no result if it reached the limit on events, or
     ended without finite numbers. All its results are NaN, and shares and quantiles do not count it. Without a
     pendulum the angles of the rod are those of a bob that is too light to act on the block.
 
@@ -108,7 +108,7 @@ class Runs(Printed, Tabular):
 
     @property
     def is_unanswered(self) -> np.ndarray:
-        """Whether each run has no answer."""
+        """Whether each run has no result."""
         return is_one_of(self.outcome, *UNANSWERED)
 
     @property
@@ -130,7 +130,7 @@ class Runs(Printed, Tabular):
     def severity(self) -> np.ndarray:
         """Settled tilt divided by the slenderness, from 0 to 1.
 
-        It is 1 if the block overturns, and NaN without an answer.
+        It is 1 if the block overturns, and NaN without a result.
         """
         # The upper bound of 1 keeps means finite. An overturned block counts as much as one on its corner.
         return np.where(self.is_unanswered, np.nan, np.fmin(self.settled_tilt / self.nu, 1.0))
@@ -177,7 +177,7 @@ class Runs(Printed, Tabular):
         return tuple(quantile_of(values, checks.within("at", q, 0.0, 1.0)) for q in at)
 
     def ended(self, overturns: bool) -> Runs:
-        """Return the runs with an outcome for each run without an answer: overturned, or at rest."""
+        """Return the runs with an outcome for each run without a result: overturned, or at rest."""
         size, status = (math.inf, Status.overturned) if overturns else (0.0, Status.rest)
         # Angles, and with them the severity, follow from the outcome. Answered runs keep their values.
         ends = dict.fromkeys(ANGLES, size) | {"outcome": code_of(status)}
@@ -338,7 +338,7 @@ def _results(
     run = simulate.follow(equations, batch["rows"], forcing, **settings, **limits)
     outcome = code_of(run.status)
     unanswered = is_one_of(outcome, *UNANSWERED)
-    # Overturned runs have infinite angles. Runs without an answer have NaN, see `Runs`.
+    # Overturned runs have infinite angles. Runs without a result have NaN, see `Runs`.
     numbers = {n: np.where(unanswered, np.nan, getattr(run, n)) for n in (*ANGLES, "impacts")}
     return numbers | {"outcome": outcome.astype(np.int8)}
 

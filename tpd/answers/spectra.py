@@ -66,7 +66,7 @@ class OverturningSpectrum(Cases):
 
         NaN if no cell has an answer.
         """
-        # Cells without an answer are neither safe nor overturned.
+        # Cells without a result are neither safe nor overturned.
         answered = [c[c != UNDECIDED] for c in self.cases]
         return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in answered])
 

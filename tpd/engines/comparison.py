@@ -311,7 +311,7 @@ class _Case:
         """Follow all runs with the nonlinear model."""
         runs, n = self.plan(pendulum), self.ensemble.size
         (x, forcing), *_ = self._excitation(runs, n)
-        # A run without an answer counts as overturned, because it must not look safe.
+        # A run without a result counts as overturned, because it must not look safe.
         table = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
         # The equations have no sliding and no flight. Zeros fill these fields.
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)

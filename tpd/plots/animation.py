@@ -124,7 +124,7 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
     is_finite = np.isfinite(history.tilt) & np.isfinite(history.bob)
     is_upright = is_finite & (np.abs(history.tilt) < 0.5 * math.pi)
     end = len(is_upright) if is_upright.all() else int(np.argmin(is_upright))
-    # An overturned block is drawn lying on its side. If the model has no answer from some time on, the block
+    # An overturned block is drawn lying on its side. If the model has no result from some time on, the block
     # is drawn as at that time.
     side = math.copysign(0.5 * math.pi, history.tilt[max(end - 1, 0)])
     overturns = history.overturned and end < len(is_upright)

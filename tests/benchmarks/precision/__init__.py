@@ -68,7 +68,7 @@ def short(rows: list[Row]) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the short table, and the time and error of every method, or the reason without an answer."""
+    """Return the short table, and the time and error of every method, or the reason without a result."""
     scenes = [s.name for s in SCENES if any(r["scene"] == s.name for r in rows)]
     whole = []
     for method, setting, kind in dict.fromkeys((r["method"], r["setting"], r["kind"]) for r in rows):

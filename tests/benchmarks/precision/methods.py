@@ -24,7 +24,7 @@ SHORT = 0.05
 
 
 class Unable(Exception):
-    """A method has no answer for a scene. The message of a few words is a cell of the table."""
+    """A method has no result for a scene. The message of a few words is a cell of the table."""
 
 
 class Method(NamedTuple):
