@@ -156,8 +156,8 @@ class Block:
         checks.not_negative("friction", self.friction, every=True)
         # The moment of the weight about a corner is M g a = nu M g b, and it decreases with the tilt. A
         # larger friction moment would hold the block at any tilt, so it neither returns nor overturns.
-        meaning = "it is a moment over M g b; the coefficient of sliding friction is `base_friction`"
-        most = f"width/height ({meaning}; a larger one holds the block at any tilt)"
+        meaning = "it is a moment over M g b, and a larger one holds the block at any tilt"
+        most = f"width/height ({meaning}; the coefficient of sliding friction is `base_friction`)"
         checks.at_most("friction", self.friction, self.slenderness, most)
 
     def _check_cavity(self) -> None:
