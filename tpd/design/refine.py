@@ -47,6 +47,9 @@ share, as a margin for chance in the validation runs; and smallest ratio of both
 _NOISE = 0.005
 """Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less may
 well keep it."""
+_NEARLY = 0.05
+"""Largest excess of a trial over a limit, according to the trends and in the logarithm, at which it may still
+be compared."""
 _FURTHER = 0.01
 """Increase of the distance from the limits from one comparison to the next, in the logarithm."""
 _LEAST_RUNS = 4
@@ -268,15 +271,13 @@ class Refinement:
         rng = np.random.default_rng([self.problem.seed, 12, self._turn])
         if self.merit is None:
             return space.sample(rng, count)
-        x = self._proposals(rng)
+        chosen, seen, x = np.empty((0, 3)), self.at(self.designs), self._proposals(rng)
+        # Many proposals lie on a bound, next to earlier designs. They must not displace the others.
+        x = x[np.linalg.norm(self.at(x)[:, None] - seen, axis=-1).min(axis=1) > apart]
         x = x[np.argsort(self._score(x, spare), kind="stable")[:_MOST_CHECKED]]
-        chosen, seen = np.empty((0, 3)), self.at(self.designs)
         # Limits that need no run are cheap to check, but not for thousands of proposals.
         for some in np.array_split(x, range(_CHECKED, len(x), _CHECKED)):
-            far = np.linalg.norm(self.at(some)[:, None] - seen, axis=-1).min(axis=1) > apart
-            if not far.any():
-                continue
-            for design in some[far][self.problem.possible(some[far])]:
+            for design in some[self.problem.possible(some)] if len(some) else ():
                 here = self.at(design[None])
                 if len(chosen) < count and np.linalg.norm(seen - here, axis=1).min() > apart:
                     chosen, seen = np.concatenate([chosen, design[None]]), np.concatenate([seen, here])
@@ -336,10 +337,13 @@ class Refinement:
 
     def _pool(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return the trials (m, 3) that keep the limits, best first, apart from each other and from other
-        designs."""
+        designs. If there is none, the trials count that according to the trends exceed a limit a little: a
+        comparison is more accurate."""
         trials = self.trials()
-        chosen = list(others)
-        for design in trials.designs[trials.feasible]:
+        chosen, nearly = list(others), trials.feasible
+        if not nearly.any():
+            nearly = (self.possible & (self.excess(self.designs) <= _NEARLY))[self.order()]
+        for design in trials.designs[nearly]:
             if self._is_apart(design, chosen):
                 chosen.append(design)
         return np.array(chosen[len(others) :]).reshape(-1, 3)
