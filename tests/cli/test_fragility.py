@@ -134,7 +134,10 @@ def test_a_hazard_adds_the_annual_rates(run, tmp_path):
     assert HOW_TO not in done.out
     # The intensity of the hazard is checked before the runs.
     other = run("fragility --scene", str(tmp_path / "site.toml"), "--intensity pgv --overwrite")
-    sentence = "tpd: hazard and ground motions must have the same `intensity`, but they have PGA in g and PGV"
+    sentence = (
+        "tpd: hazard and ground motions must have the same `intensity`, but they have PGA in g and PGV: "
+        "state `scales` in this measure"
+    )
     assert (other.status, other.err.splitlines()[-1]) == (2, sentence)
 
 
