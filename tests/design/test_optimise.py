@@ -15,6 +15,7 @@ from tpd.design import optimise as module
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
+from tpd.design.job import job_of
 from tpd.design.optimise import Front, problem_of, solve_problem
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
@@ -411,3 +412,21 @@ def test_a_second_design_is_validated_only_if_a_limit_rejects_the_first(count, h
     found = solve_problem(problem)
     assert len(found.validated) == validated
     assert found.status is DesignStatus[status]
+
+
+def test_a_search_finds_the_design_between_two_limits_that_no_trial_keeps():
+    # A heavy bob keeps the limit on its mass, but its walls are near: trials exceed the clearance slightly.
+    block = {"width": 1.5, "height": 12.0, "mass": 27000.0, "radius_of_gyration": 3.503, "cavity_width": 1.0}
+    job = job_of(
+        {
+            "block": block,
+            "excitation": {"amplitude": 0.1, "frequency": 0.8},
+            "space": {"mass": [100.0, 1000.0], "length": 0.8, "damping_ratio": [0.05, 0.6]},
+            "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
+            "limits": {"mass": 600.0},
+        }
+    )
+    found = tpd.optimise(job.scene, **job.settings | {"seed": 2})
+    assert found.status is DesignStatus.recommended
+    assert found.pendulum is not None
+    assert 300.0 < found.pendulum.mass < 600.0

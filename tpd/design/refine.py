@@ -187,6 +187,8 @@ class Refinement:
         """Simulate the trial runs of designs (m, 3), and fit the trends again."""
         for name, x in self.problem.fixed_sizes(designs).items():
             self.fixed[name] = np.append(self.fixed.get(name, []), x)
+        # The comparisons ask for further trials.
+        self.total = max(self.total, len(self.runs) + len(designs))
         for design in designs:
             self.progress("trial runs", len(self.runs) + 1, self.total)
             runs = self.problem.trial_runs(design, self._seed)
