@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
             return super().format_help()
         # An argument without hyphens, such as JOB, is named by its placeholder.
         named = {name: x for x in self._actions for name in (*x.option_strings, x.metavar)}
-        short = self._get_formatter()
+        short = self.formatter_class(prog=self.prog)
         short.add_usage(f"{self.prog} [options] {self._common[0]}", [], [])
         short.add_text(self._summary)
         short.start_section(f"common options (all options: {self.prog} --help-all)")
