@@ -141,10 +141,10 @@ def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
         return f"at most {number(float(scene.block.height if hinge is None else hinge))} m, to the base"
     if name != THICKNESS:
         return None
-    has_rod = build is not None and math.isfinite(build.rod)
-    return f"at most {THICKEST:g} times the rod" + (
-        f": {number(THICKEST * build.rod, 3)} m" if has_rod else ""
-    )
+    text = f"at most {THICKEST:g} times the rod"
+    if build is None or not math.isfinite(build.rod):
+        return text
+    return f"{text}: {number(THICKEST * build.rod, 3)} m"
 
 
 def missing(design: Design) -> list[str]:
