@@ -1,6 +1,6 @@
 """Grammar of the command line: all commands and their options.
 
-Nothing here imports JAX, and the help appears at once.
+Nothing here imports JAX, because the help must appear at once.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def prepare(x, s, q, w):
     q.slack = SLACK * (q.k + q.weight)
     w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
-    # few more for the work of a step apart from its series.
+    # few more for the work of a step apart from its series. A held block needs two more columns.
     w.order = max(4, min(ORDERS - 3, 7 + int(-0.5 * math.log(s.rtol))))
 
 

@@ -53,7 +53,7 @@ of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt 
 decide. With 80 earthquakes it is 94 and 100 % (`tests.benchmarks.quoted`)."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
-_TRIAL_RUNS, _MORE_RUNS, _BRIEF = 192, 384, 2
+_TRIAL_RUNS, _MORE_RUNS, _PULSES = 192, 384, 2
 """Smallest numbers of runs of a trial and of a comparison, and their factor if all motions are pulses, whose
 runs are shorter. With fewer conditions each has several runs, with other samples of the quantities that
 vary."""
@@ -271,7 +271,7 @@ class GroundMotionProblem(Problem):
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
         least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
-        least *= _BRIEF if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
+        least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
         repeats = -(-least // len(self.conditions)) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, self.scene, some, equations)
@@ -355,7 +355,7 @@ class GroundMotionProblem(Problem):
     @property
     def limit_runs(self) -> int:
         """See `Problem.limit_runs`."""
-        return len(self._every_motion())
+        return len(self._scales) * sum(len(group.motions) for group in self.groups)
 
     def _every_motion(self, scatter: Mapping[str, HalfWidth] | None = None, seed: int = 0) -> Conditions:
         """Return every motion of every group at every scale, with the stated block or blocks that vary."""

@@ -154,8 +154,8 @@ class Refinement:
     limits: dict[str, Trend] = field(default_factory=dict)
     """Trend of each limited quantity, by name: negative where the limit is kept."""
     margin: dict[str, float] = field(default_factory=dict)
-    """Amount by which the logarithm of a limited quantity must stay below zero, by name, after the validation
-    has shown that a design exceeds the limit."""
+    """Amount by which the logarithm of a limited quantity must stay further below zero, by name, after the
+    validation has shown that a design exceeds the limit."""
 
     def __post_init__(self) -> None:
         self._seed, self._turn = self.problem.run_seed(1, 0), 0
@@ -187,7 +187,7 @@ class Refinement:
         """Simulate the trial runs of designs (m, 3), and fit the trends again."""
         for name, x in self.problem.fixed_sizes(designs).items():
             self.fixed[name] = np.append(self.fixed.get(name, []), x)
-        # The comparisons ask for further trials.
+        # The comparisons add trials to the planned ones.
         self.total = max(self.total, len(self.runs) + len(designs))
         for design in designs:
             self.progress("trial runs", len(self.runs) + 1, self.total)
@@ -249,10 +249,10 @@ class Refinement:
         trend = self.limits[name].at(self.at([c.design for c in others]))[0]
         return margin + float(np.nanmean(size - trend))
 
-    def _score(self, designs: np.ndarray | list[np.ndarray], spare: float = 0.0) -> np.ndarray:
+    def _score(self, designs: np.ndarray | list[np.ndarray], inside: float = 0.0) -> np.ndarray:
         """Return numbers that order designs: those within the limits by their trend, then the others by their
-        excess. `spare` is the distance that they must keep from the limits."""
-        excess = self.excess(designs) + spare
+        excess. `inside` is the distance that they must keep from the limits."""
+        excess = self.excess(designs) + inside
         assert self.merit is not None
         trend = self.merit.at(self.at(designs))[0]
         return np.where(excess <= 0.0, trend, _SIZES[1] + excess)
@@ -266,9 +266,9 @@ class Refinement:
         unanswered = [runs.is_unanswered.all() for runs in self.runs]
         return np.argsort(np.where(unanswered, np.inf, score), kind="stable")
 
-    def next(self, count: int, apart: float, spare: float = 0.0) -> np.ndarray:
+    def next(self, count: int, apart: float, inside: float = 0.0) -> np.ndarray:
         """Return designs (m, 3) of smallest trend for the next trials, at most `count`, at a distance `apart`
-        from each other and from all earlier ones, and `spare` from the limits."""
+        from each other and from all earlier ones, and `inside` from the limits."""
         space, self._turn = self.problem.space, self._turn + 1
         rng = np.random.default_rng([self.problem.seed, 12, self._turn])
         if self.merit is None:
@@ -276,10 +276,12 @@ class Refinement:
         chosen, seen, x = np.empty((0, 3)), self.at(self.designs), self._proposals(rng)
         # Many proposals lie on a bound, next to earlier designs. They must not displace the others.
         x = x[np.linalg.norm(self.at(x)[:, None] - seen, axis=-1).min(axis=1) > apart]
-        x = x[np.argsort(self._score(x, spare), kind="stable")[:_MOST_CHECKED]]
+        if not len(x):
+            return chosen
+        x = x[np.argsort(self._score(x, inside), kind="stable")[:_MOST_CHECKED]]
         # Limits that need no run are cheap to check, but not for thousands of proposals.
-        for some in np.array_split(x, range(_CHECKED, len(x), _CHECKED)):
-            for design in some[self.problem.possible(some)] if len(some) else ():
+        for some in np.split(x, range(_CHECKED, len(x), _CHECKED)):
+            for design in some[self.problem.possible(some)]:
                 here = self.at(design[None])
                 if len(chosen) < count and np.linalg.norm(seen - here, axis=1).min() > apart:
                     chosen, seen = np.concatenate([chosen, design[None]]), np.concatenate([seen, here])
@@ -342,10 +344,11 @@ class Refinement:
         designs. If there is none, the trials count that according to the trends exceed a limit a little: a
         comparison is more accurate."""
         trials = self.trials()
-        chosen, nearly = list(others), trials.feasible
-        if not nearly.any():
-            nearly = (self.possible & (self.excess(self.designs) <= _NEARLY))[self.order()]
-        for design in trials.designs[nearly]:
+        chosen, rows = list(others), trials.feasible
+        if not rows.any():
+            nearly = self.possible & (self.excess(self.designs) <= _NEARLY)
+            rows = nearly[self.order()] & np.isfinite(trials.value)
+        for design in trials.designs[rows]:
             if self._is_apart(design, chosen):
                 chosen.append(design)
         return np.array(chosen[len(others) :]).reshape(-1, 3)
@@ -359,7 +362,7 @@ class Refinement:
         """Learn from the validation runs of a rejected design by how much the comparisons underestimate the
         limited quantities."""
         for name, x in self._sizes_of(design, runs, 0.0).items():
-            # The comparison has found the limit kept by as many runs: the truth is in the middle.
+            # The whole excess counts: another rejection would cost more than a design further inside.
             if x > 0.0:
                 self.margin[name] = self.margin.get(name, 0.0) + x
 
@@ -368,8 +371,9 @@ class Refinement:
         pendulum, as far as the trend is known."""
         if self.merit is None:
             return True
-        pool = self._pool(())[:1]
-        return bool(np.any(self.merit.at(self.at(pool))[0] <= share * self.merit_of(self.without)))
+        trials = self.trials()
+        best = trials.designs[trials.feasible][:1]
+        return bool(np.any(self.merit.at(self.at(best))[0] <= share * self.merit_of(self.without)))
 
     def wider_bounds(self, design: np.ndarray) -> tuple[WiderBound, ...]:
         """Return what wider bounds would bring, for each bound of the space on which a design lies."""

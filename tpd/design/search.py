@@ -146,10 +146,10 @@ class Search:
         tilt = (
             f"The settled tilt that the search minimises is {first} of the toppling tilt after the descents"
         )
-        if not self.finished < self.descended:
-            return f"{tilt}, and the finish does not lower it."
         # A block that rests has no tilt. The search then minimises minus the margin against uplift.
         rests = "; a negative number is the margin of a block at rest" if self.finished <= 0.0 else ""
+        if not self.finished < self.descended:
+            return f"{tilt}, and the finish does not lower it{rests}."
         return f"{tilt}, and {last} after the finish{rests}."
 
 
