@@ -181,7 +181,7 @@ def test_a_search_keeps_a_user_limit_and_minimises_a_user_objective():
     own = Lighter(1.0)
     limits = check_limits((own, tpd.limits.Stroke(1.5)))
     assert limits == (tpd.limits.Stroke(1.5), own)
-    assert words.limit(own) == "lighter kg = 1.0"
+    assert words.limit(own) == "kg = 1.0"
     method = tpd.Descent(searches=2, screening=16, steps=8, model=tpd.Piecewise())
     ends = {}
     for objective in (tpd.limits.SteadyTilt(), Swing()):

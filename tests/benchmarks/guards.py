@@ -67,25 +67,25 @@ def _tests(module: str, *names: str) -> tuple[str, ...]:
 
 def _lost(name: str) -> tuple[str, ...]:
     """Return tests of the verdict on a periodic motion, in `tests/compiled/test_steady.py`."""
-    return _tests(
-        "compiled/steady", f"the_verdict_of_compiled_code_and_of_jax_has_a_status_for_each_case[{name}]"
-    )
+    return _tests("compiled/steady", f"compiled_code_and_jax_assign_the_same_status_to_each_case[{name}]")
 
 
 def _kernel(case: str) -> tuple[str, ...]:
-    return _tests("compiled/symmetric_orbit_kernel", f"an_orbit_about_to_be_lost_has_a_name[{case}]")
+    return _tests(
+        "compiled/symmetric_orbit_kernel", f"an_orbit_near_its_end_has_the_status_of_the_bifurcation[{case}]"
+    )
 
 
 def _ends(case: str) -> tuple[str, ...]:
-    return _tests("models/settling", f"a_motion_that_ends_has_a_status[{case}]")
+    return _tests("models/settling", f"a_settled_motion_has_its_status_and_period[{case}]")
 
 
 def _smoothed(name: str) -> tuple[str, ...]:
     return _tests("models/smoothed", name)
 
 
-_OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
-_SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
+_OVERTURNS = "an_overturned_block_has_no_gradient"
+_SADDLE = "initial_states_near_overturning_reach_an_attractor_or_have_a_status"
 _ORBITS, _STEADY = "compiled/symmetric_orbit_kernel:_status", "compiled/columns:verdict_with.verdict"
 _SETTLED = "models/settling:Record.settled"
 # fmt: off
@@ -106,15 +106,15 @@ GUARDS = (
           _SETTLED, never("sticking"), _ends("periods2-sticking-3")),
     Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
           "compiled/contact_kernel:handle_event", nothing_true("capture"),
-          _tests("compiled/settle", "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
+          _tests("compiled/settle", "the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed",
                    "the_error_of_capture_is_below_the_square_of_its_speed")),
     Guard("period three and chaos", "steady_state: aperiodic if neighbouring motions separate",
           "compiled/steady:steady_state", never("APERIODIC_STATUS"),
           _tests("compiled/steady",
-                   "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate")),
+                   "the_derivative_of_a_chaotic_motion_grows_at_the_lyapunov_rate")),
     Guard("period three and chaos", "periodic_orbit: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"),
-          _tests("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels")),
+          _tests("answers/periodic_orbit", "continuation_follows_an_orbit_after_it_becomes_unstable")),
     Guard("motion that does not repeat",
           "steady_state: not_settled if Newton's method does not close the orbit",
           _STEADY, never("NOT_SETTLED"), _lost("what6-not_settled")),
@@ -126,28 +126,28 @@ GUARDS = (
     Guard("no derivative without an orbit", "steady_state: derivatives only of settled motions that attract",
           "compiled/steady:steady_state", without_term("isolated", "rocks"),
           (*_tests("models/piecewise", _SADDLE),
-           *_tests("compiled/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
+           *_tests("compiled/steady", "a_motion_that_decays_slowly_is_not_settled_and_not_aperiodic"))),
     Guard("resonance without damping; very strong excitation",
           "every model: failed if a number is not finite",
           _SETTLED, never("failed"), _ends("periods8-failed-1")),
     Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
           _STEADY, never("EVENT_BOUND"),
-          _tests("models/piecewise", "a_period_too_long_to_be_followed_has_a_status")),
+          _tests("models/piecewise", "too_long_a_period_has_the_status_event_bound")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
           "core/checks:within", constant("low", -1.0),
-          _smoothed("settings_out_of_range_are_refused")),
+          _smoothed("settings_out_of_range_are_rejected")),
     Guard("smoothed impacts", "Smoothed: e < 1 is rejected with nonlinear terms, and e = 0 with other terms",
           "models/smoothed:Smoothed.check", unchecked("e"),
-          _smoothed("impacts_without_a_smoothed_counterpart_are_refused")),
+          _smoothed("impacts_that_cannot_be_smoothed_are_rejected")),
     Guard("smoothed impacts", "smoothed_rates: NaN with nonlinear terms and a traced e < 1",
           "theory/equations:smoothed_rates", without_nan("decay"),
-          _smoothed("the_smoothed_equations_4_have_no_number_with_impacts")),
+          _smoothed("smoothed_nonlinear_equations_with_impact_loss_are_nan")),
     Guard("32-bit floats", "every public function: 64 bits are required",
           "core/checks:require_x64", unrefused("RuntimeError"),
-          _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name")),
+          _tests("answers/steady_state", "every_call_in_32_bits_is_rejected_by_name")),
     Guard("scales", "scene: omega0 is computed from the half height",
           "scene/scene:_rate", constant("half_height", 0.2),
-          _tests("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
+          _tests("models/piecewise", "the_size_of_the_block_does_not_change_dimensionless_results")),
 )
 # fmt: on
 MEASURES = tuple(dict.fromkeys(guard.place.partition(":")[0] for guard in GUARDS))
