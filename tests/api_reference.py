@@ -54,7 +54,7 @@ INTERNAL = {
     "Fragility": "cases changed measure p_medians quakes unanswered",
     "GroundMotion": "digest in_drawing piece pieces quantities swing_in_drawing",
     "Harmonic": "in_drawing in_words quantities swing_in_drawing",
-    "Hazard": "factor measure table",
+    "Hazard": "factor measure",
     "Job": (
         "all_messages bob check_motion compiled full ground_motions hazard in_words intensity messages "
         "method motions notes only search settled_scene shaking single tables under validation_notes"

@@ -11,7 +11,6 @@ from tests.answers.test_fragility import PENDULUM, RECORDS, STATUE
 from tests.scene.test_hazard import SITE
 from tpd.answers.annual_rates import AnnualRates, rates_of_outcomes
 from tpd.answers.fragility import Fragility, fit_lognormal
-from tpd.formats.channel import STANDARD_GRAVITY
 
 STRIPES = np.array([0.15, 0.25, 0.4, 0.6, 0.9, 1.3])
 
@@ -165,8 +164,6 @@ def test_a_fragility_in_another_unit_is_converted(curves):
     of = tpd.annual_rates(curves, SITE)
     unit = float(STATUE.slenderness)
     assert of.stripes == pytest.approx(unit * curves.stripes)
-    si = tpd.Hazard(levels=[STANDARD_GRAVITY * x for x in SITE.levels], rates=SITE.rates)
-    assert tpd.annual_rates(curves, si).years == pytest.approx(of.years)
     fit = curves.without_pendulum["overturned"].fit
     assert of.without_pendulum.mean == pytest.approx(SITE.annual_rate(unit * fit.median, fit.dispersion))
     assert repr(of) == str(of)

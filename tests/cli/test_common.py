@@ -193,17 +193,17 @@ export --as csv BOB --scale 5 | `excitation.scales` requires a pulse or records
 export --as csv BOB --out . | --out must name a file, but . is a directory
 optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must give a dens
 optimise SHAKEN --width 0.1 --height 0.4 --mass 0.016 | are the lengths in m and the mass in kg?
-optimise --amplitude 50 --frequency 1 | [excitation] `amplitude` and `frequency` must give an acceleration
-optimise --amplitudes 100 120 | [excitation] `amplitude` and `frequency` must give an acceleration
+optimise --amplitude 50 --frequency 1 | [excitation] `amplitude` and `frequency` give
+optimise --amplitudes 100 120 | [excitation] `amplitude` and `frequency` give
 optimise --band 2250 2750 | are they in m and Hz?
 optimise OWN | `cavity_width` must be given, but is missing. It is the distance in m between the walls
 response BOB --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
 response BOB --amplitude 50 --frequency 1 | give 201 g: are they in m and Hz?
-map BOB X --y amplitude 5 50 | must give an acceleration of at most 10 g
+map BOB X --y amplitude 5 50 | whose acceleration must be at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
 check BOB OWN | `cavity_width` must be given, but is missing. It is the distance in m between the
 job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (on Earth it is 9.80665)
-job conditions.amplitudes = [100.0] | must give an acceleration of at most 10 g, but 1.5 m at 2.5 Hz give
+job conditions.amplitudes = [100.0] | 1.5 m at 2.5 Hz, whose acceleration must be at most 10 g
 job limits.clearance = true; block.width = 0.1; REST | `cavity_width` must be given, but is missing
 response BOB --from -1e0 | `--from` must be positive and finite, but is -1
 optimise --seed -1e0 | `search.seed` must be a whole number up to 2147483647, but is -1.0

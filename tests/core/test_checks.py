@@ -21,6 +21,8 @@ jax.config.update("jax_enable_x64", True)
 import jax.numpy as jnp
 import numpy as np
 import tpd
+from datetime import date
+from pathlib import Path
 from tpd import *
 from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
@@ -253,6 +255,11 @@ CALLS = {
     "fragility(block, [record], scales=[1.0], nonlinear=1)": "`nonlinear` must be True or False, but is 1",
     "fragility(block, [record], scales=[1.0], progress=3)": "`progress` must be a function, but is 3",
     "fragility(block, [record], scales=[1.0], pendulum=3)": "`pendulum` must be a Pendulum, but is 3",
+    "Hazard(levels=[0.1, 1.0], rates=[0.02, 6e-5]).factor(2.0)": "`other` must be a Measure, but is 2.0",
+    'fold_curve(p, "mu", [])': "`y` must be one of nu, mu, lam",
+    'fold_curve(p, {}, "mu")': "`x` must be one of nu, mu, lam",
+    "made(Block, width=date(1979, 10, 15))": "`width` must be a number, but is 1979-10-15",
+    "made(Block, width=Path('a.csv'))": "`width` must be a number, but is a.csv",
     "rocking_spectrum(block, record, periods=3.0)": "`periods` must be a vector of numbers, all finite, but",
     'rocking_spectrum(block, record, mass_ratio="a")': "`mass_ratio` must be a number, but is 'a'",
     "rocking_spectrum(block, record, length_ratio=nan)": "`length_ratio` must be positive and finite, but is",
@@ -314,7 +321,7 @@ CALLS = {
     "made(Pendulum, length=1e300)": "`length` must be between 1e-06 and 1e+06 m, but is 1e+300",
     "made(Parameters, mu=1e300)": "`mu` must be between 0 and 1e+12, but is 1e+300",
     "made(Parameters, xi=1e-300)": "`xi` must be between 1e-12 and 1e+12, but is 1e-300",
-    "Pulse.one_sine(acceleration=1e300, frequency=1.0)": "`acceleration` must be between 0 and 10000 m/s^2",
+    "Pulse.one_sine(acceleration=1e300, frequency=1.0)": "`acceleration` must be between 0 and 100 m/s^2",
     "Piecewise(tolerance=1e300)": "`tolerance` must be between 1e-16 and 1, but is 1e+300",
     "fragility(block, [record], scales=[1.0], intensity='sa', period=1e300)": "`period` must be between",
     # Work that Ctrl-C could not stop.

@@ -134,7 +134,7 @@ def test_a_job_accepts_defaults_without_effect_and_integers_for_floats():
         "search": {"risk": "worst", "risk_share": 0.1},
     }
     assert jobs.job_of(listed) == jobs.job_of({})
-    motion = {"amplitude": 1, "frequency": 1}
+    motion = {"amplitude": 0.4, "frequency": 1}
     whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "excitation": motion})
     assert isinstance(whole.tables["block"]["width"], float)
     assert whole.scene.block == Block(width=1.0, height=3.0, mass=900.0)
@@ -182,9 +182,8 @@ def test_a_job_states_accelerations_in_g():
         {"excitation": {**RECORDS, "validation_share": 0.0, "intensity": "pga", "scales": [0.3]}}
     )
     g = 9.80665
-    assert (job.conditions.intensity, job.conditions.scales) == ("pga_g", (0.3,))
-    # In Python PGA is in m/s^2: the job that repeats the design is in g.
-    of_python = tpd.Conditions.records(job.motions, [0.3 * g], intensity="pga")
+    assert (job.conditions.intensity, job.conditions.scales) == ("pga", (0.3,))
+    of_python = tpd.Conditions.records(job.motions, [0.3], intensity="pga")
     for conditions in (job.conditions, of_python):
         problem = GroundMotionProblem.of(job.block, conditions)
         assert motion_factors(job.scene, conditions) == pytest.approx([0.3 * g / m.pga for m in job.motions])
@@ -197,7 +196,7 @@ def test_a_job_states_accelerations_in_g():
 def test_a_hazard_of_a_job_has_accelerations_in_g_and_belongs_to_its_conditions():
     given = {"levels": [0.1, 0.3], "rates": [0.01, 4e-4]}
     job = jobs.job_of({"excitation": RECORDS, "hazard": given})
-    assert job.hazard == tpd.Hazard(**given, intensity="pga_g") == job.conditions.hazard
+    assert job.hazard == tpd.Hazard(**given) == job.conditions.hazard
     velocity = jobs.job_of({"excitation": RECORDS, "hazard": given | {"intensity": "pgv"}})
     assert velocity.hazard.measure.unit == "m/s"
     assert jobs.job_of({"excitation": RECORDS}).hazard is None
@@ -271,7 +270,10 @@ excitation = {PULSE} | `pga`, the peak acceleration of the pulse in g, is missin
 excitation = {pulse = "ricker"} | a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p
 excitation.kind = "record" | but is 'record'; did you mean `records`?
 hazard.levels = [0.1, 0.2] | `hazard.levels` requires a pulse or records of several levels
-excitation = {RECORDS}; hazard.levels = [0.1, 0.2] | [hazard] `rates` must be 2 rates per year, one for each
+excitation = {RECORDS}; hazard.levels = [0.1, 0.2] | [hazard] exactly one of `rates`, `return_pe
+excitation = {RECORDS}; hazard = {levels = [0.1, 0.2], return_periods = [72]} | [hazard] `return_periods` must
+excitation = {RECORDS}; hazard = {levels = [0.1, 0.2], probabilities = [0.1, 0.02]} | [hazard] `years` must be
+excitation = {RECORDS}; hazard = {levels = [7, 16, 33], rates = [0.014, 0.0021, 4e-4]} | [hazard] at this site
 excitation = {RECORDS}; hazard.rates = [0.1, 0.2] | [hazard] `levels` must be a vector of 2 or more increasi
 excitation = {RECORDS}; hazard.intensity = "pgv" | [hazard] `levels` must be a vector of 2 or more increasin
 excitation = {RECORDS}; hazard = {levels = [1, 2], rates = [2, 3]} | [hazard] `rates` must fall from level t

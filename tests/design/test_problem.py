@@ -69,7 +69,7 @@ def test_excitations_and_scatter_out_of_range_are_rejected():
     still = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
         check_moves(still, tpd.Conditions())
-    with pytest.raises(ValueError, match=r"must give .* of at most 10 g, but 1\.5 m at 2\.5 Hz give 37\.7 g"):
+    with pytest.raises(ValueError, match=r"1\.5 m at 2\.5 Hz, whose .* be at most 10 g, but is 37\.7 g"):
         check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0))
     smooth = with_block(SCENE, friction=0.0)
     with pytest.raises(ValueError, match="`friction` cannot vary by a share of itself, because it is 0"):

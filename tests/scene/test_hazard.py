@@ -10,11 +10,10 @@ import pytest
 from scipy.integrate import quad
 
 import tpd
-from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.hazard import Measure
 
 LEVELS, RATES = [0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2], [6e-2, 2.2e-2, 6e-3, 2.4e-3, 6.5e-4, 1.5e-4, 3.5e-5]
-SITE = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="pga_g")
+SITE = tpd.Hazard(levels=LEVELS, rates=RATES)
 
 
 def by_quadrature(hazard: tpd.Hazard, median: float, dispersion: float) -> float:
@@ -34,7 +33,7 @@ def by_quadrature(hazard: tpd.Hazard, median: float, dispersion: float) -> float
 
 def test_the_rate_of_a_power_law_hazard_has_a_closed_form():
     k0, k = 4e-4, 2.5
-    hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[k0 * 0.1**-k, k0], intensity="pga_g")
+    hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[k0 * 0.1**-k, k0])
     rate = hazard.annual_rate(0.6, 0.4)
     assert rate == pytest.approx(2.3649888978e-3, rel=1e-10)
     assert rate == pytest.approx(k0 * 0.6**-k * np.exp(0.5 * (k * 0.4) ** 2), rel=1e-13)
@@ -82,22 +81,35 @@ def test_arrays_of_jax_give_arrays_of_jax_and_numbers_give_numbers():
 
 
 def test_the_unit_of_a_hazard_follows_from_its_intensity():
-    si = tpd.Hazard(levels=[STANDARD_GRAVITY * x for x in LEVELS], rates=RATES)
-    assert si.measure == Measure("PGA", 1.0, "m/s^2")
-    assert SITE.measure == Measure("PGA", STANDARD_GRAVITY, "g")
-    assert si.annual_rate(0.6 * STANDARD_GRAVITY, 0.4) == pytest.approx(SITE.annual_rate(0.6, 0.4))
-    assert SITE.factor(si.measure) == pytest.approx(1.0 / STANDARD_GRAVITY)
-    # A job file states accelerations in g.
-    assert (
-        si.table
-        == SITE.table
-        == {"levels": LEVELS, "rates": tuple(RATES), "intensity": "pga", "period": None}
-    )
-    spectral = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="sa_g", period=0.5)
-    assert spectral.measure == Measure("Sa(0.5 s)", STANDARD_GRAVITY, "g")
+    assert SITE.measure == Measure("PGA", 1.0, "g")
+    assert SITE.factor(Measure("PGA", 0.2)) == 0.2
+    spectral = tpd.Hazard(levels=LEVELS, rates=RATES, intensity="sa", period=0.5)
+    assert spectral.measure == Measure("Sa(0.5 s)", 1.0, "g")
     message = "must have the same `intensity`, but they have PGA in g and Sa(0.5 s)"
     with pytest.raises(ValueError, match=re.escape(message)):
         SITE.factor(spectral.measure)
+
+
+def test_return_periods_and_probabilities_become_rates():
+    levels = [0.07, 0.16, 0.33]
+    of = tpd.Hazard(levels=levels, probabilities=[0.5, 0.1, 0.02], years=50)
+    assert of.rates == pytest.approx([0.013863, 0.0021072, 0.00040405], rel=1e-4)
+    assert (of.probabilities, of.return_periods, of.years) == (None, None, None)
+    assert tpd.Hazard(levels=levels, return_periods=1.0 / np.array(of.rates)).rates == pytest.approx(of.rates)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        # Numbers in m/s^2, and probabilities in 50 years as rates.
+        ({"levels": [0.3, 0.8, 1.6], "rates": [0.014, 0.0021, 4e-4]}, "once in 4[0-9]+ years.*`levels` in g"),
+        ({"levels": [0.07, 0.33], "rates": [0.5, 0.02]}, r"\[0.5 +0.02\] times a year: are the `rates` prob"),
+        ({"levels": [0.01, 0.33], "rates": [1.5, 1e-3]}, "are the `rates` probabilities in many years"),
+    ],
+)
+def test_an_unusual_hazard_gets_a_question(given, message):
+    with pytest.warns(UserWarning, match=message):
+        tpd.Hazard(**given)
 
 
 @pytest.mark.parametrize(
@@ -116,9 +128,21 @@ def test_the_unit_of_a_hazard_follows_from_its_intensity():
         ({"rates": [0.01]}, "`rates` must be 2 rates per year, one for each level"),
         (
             {"intensity": "pga_star"},
-            "`intensity` must be one of pga, pga_g, pgv, sa, sa_g, but is 'pga_star'",
+            "`intensity` must be one of pga, pgv, sa, but is 'pga_star'",
         ),
         ({"intensity": "sa"}, "`period` (s) must be stated with the intensity sa, and only then"),
+        ({"intensity": "pga_g"}, "is 'pga_g'; it is now called `pga`"),
+        # Levels in per cent, m/s^2 and gal, and a velocity in cm/s.
+        ({"levels": [7.0, 33.0]}, "the PGA exceeds 2 g once in"),
+        ({"levels": [1.57, 3.24], "rates": [0.0021, 4e-4]}, "which is implausible: are `levels` in g?"),
+        ({"levels": [160.0, 330.0]}, "are `levels` in g?"),
+        ({"levels": [16.0, 33.0], "intensity": "pgv"}, "the PGV exceeds 3 m/s once in"),
+        ({"return_periods": [475, 2475]}, "must be stated, but it is `rates` and `return_periods`"),
+        ({"rates": None}, "exactly one of `rates`, `return_periods`, `probabilities` must be stated"),
+        ({"rates": None, "return_periods": [475, 72]}, "`return_periods` must increase from level to"),
+        ({"rates": None, "probabilities": [0.1, 0.02]}, "`years` must be stated with `probabilities`, and"),
+        ({"rates": None, "probabilities": [10, 2], "years": 50}, "must be below 1 (10 % is 0.1), but are"),
+        ({"years": 50}, "and only then, but it is 50 and the exceedances are `rates`"),
         ({"period": 1.0}, "only then, but it is 1.0 and the intensity is pga"),
         ({"intensity": "sa", "period": 0.0}, "`period` must be positive and finite, but is 0"),
     ],
@@ -129,7 +153,9 @@ def test_invalid_hazards_are_rejected_in_one_sentence(change, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(("median", "dispersion"), [(0.0, 0.4), (0.6, 0.0), (np.nan, 0.4), (0.6, np.nan)])
+@pytest.mark.parametrize(
+    ("median", "dispersion"), [(0.0, 0.4), (0.6, 0.0), (np.nan, 0.4), (0.6, np.nan), (0.5, 1e300)]
+)
 def test_a_curve_must_have_a_positive_median_and_dispersion(median, dispersion):
-    with pytest.raises(ValueError, match="must be positive and finite"):
+    with pytest.raises(ValueError, match=r"must be (positive and finite|between)"):
         SITE.annual_rate(median, dispersion)

@@ -155,8 +155,8 @@ def test_values_out_of_range_are_rejected_by_name(name, value, match):
 @pytest.mark.parametrize(
     ("name", "values", "match"),
     [
-        ("amplitude", (0.0, 50.0), "must give an acceleration of at most 10 g, but 50 m at 2.5 Hz give"),
-        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz give"),
+        ("amplitude", (0.0, 50.0), "give 50 m at 2.5 Hz, whose acceleration must be at most 10 g"),
+        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz, whose acceleration must be"),
         ("mass", (0.016, 0.02), "kg/m.3 .for a block as deep as it is wide"),
         ("pendulum_damping", (5.0, 40.0), "`pendulum_damping` must be at most 2, twice critical damping"),
         ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),

@@ -18,7 +18,7 @@ from tpd.answers.statistics import LEVEL, Interval, quantile_of
 from tpd.core import checks
 from tpd.core.formatting import Printed, number, percent
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
-from tpd.scene.hazard import Hazard
+from tpd.scene.hazard import MOST_DISPERSION, Hazard
 
 RESAMPLES = 1000
 """Number of resamples of the bootstrap."""
@@ -142,7 +142,7 @@ def annual_rates(fragility: Fragility, hazard: Hazard, *, seed: checks.Whole = 0
         >>> frequencies = 0.4, 0.5, 0.6, 0.9, 1.2, 1.6
         >>> motions = [tpd.Pulse.one_sine(frequency=f, acceleration=1.0) for f in frequencies]
         >>> curves = tpd.fragility(block, motions, scales=[1.2, 1.5, 2.0, 3.0, 4.0], nonlinear=False)
-        >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5], intensity="pga_g")
+        >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5])
         >>> round(tpd.annual_rates(curves, hazard).years[0])
         184
     """
@@ -197,7 +197,8 @@ def rates_of_outcomes(
 def _allowed(hazard: Hazard, fit: Lognormal) -> tuple[float, float]:
     """Return the lowest and the highest annual rate that a curve allows; equal if it has a dispersion."""
     if fit.seen is None:
-        rate = float(hazard.annual_rate(fit.median, fit.dispersion)) if fit.median > 0.0 else math.nan
+        is_narrow = fit.median > 0.0 and fit.dispersion <= MOST_DISPERSION
+        rate = float(hazard.annual_rate(fit.median, fit.dispersion)) if is_narrow else math.nan
         return (rate, rate) if 0.0 < rate < math.inf else (0.0, math.inf)
     # The probability grows with the intensity: it is 0 up to the last stripe at which no motion overturns the
     # block, and 1 from the first stripe on at which all do.

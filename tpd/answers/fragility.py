@@ -223,9 +223,9 @@ def fragility(
         scales: intensity levels (stripes), increasing.
         pendulum: pendulum that is compared with the block without one, under the same motions.
         intensity: name of the intensity measure. "pga_star" is PGA/(g tan alpha), "pgv_star" is
-            p PGV/(g tan alpha), where p is the rate omega0 of the block; "pga" and "pgv" are in m/s^2 and
-            m/s; "sa" is the spectral acceleration in m/s^2 at `period` (s) with 5 % damping; "pga_g" and
-            "sa_g" are in g; "scale" is the factor on each motion as it is.
+            p PGV/(g tan alpha), where p is the rate omega0 of the block; "pga" is in g and "pgv" in m/s;
+            "sa" is the spectral acceleration in g at `period` (s) with 5 % damping; "scale" is the factor on
+            each motion as it is.
         period: period of the spectral acceleration, s.
         states: damage states by name: the tilt divided by the slenderness that a motion must exceed.
         nonlinear: whether the nonlinear model also follows all motions, to count the changed outcomes.
@@ -258,6 +258,7 @@ def fragility(
     checks.flag("nonlinear", nonlinear)
     checks.instance("motions", motions, Sequence)
     measure = intensity_of(intensity, block, gravity, period)
+    checks.plausible("the largest of `scales`", stripes, intensity)
     for i, motion in enumerate(motions):
         checks.instance(f"motions[{i}]", motion, GroundMotion)
     refuse_zeros(motions)

@@ -7,7 +7,10 @@ import inspect
 import math
 import numbers
 import sys
+import warnings
 from collections.abc import Callable, Sequence
+from datetime import date, time
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
@@ -40,6 +43,10 @@ _REAL = "iuf"
 """Kinds of the types of real numbers of NumPy."""
 LEAST_TOLERANCE = 1e-16
 """Smallest tolerance of a model. No computation in 64 bits is more accurate."""
+PLAUSIBLE = {"pga": (2.0, "g"), "sa": (5.0, "g"), "pgv": (3.0, "m/s")}
+"""Largest usual values of ground motions, with their units. The strongest records have slightly more."""
+IMPOSSIBLE = 5.0
+"""Factor on a usual value from which no ground motion has the value."""
 _LONGEST = 80
 """Largest number of characters of a value in a message."""
 
@@ -144,7 +151,9 @@ def _check_meaning(name: str, value: Any) -> None:
 
 def shown(value: object) -> str:
     """Return a value as a message shows it: on one line of limited length."""
-    text = " ".join((str(value) if isinstance(value, np.ndarray) else repr(value)).split())
+    # A path and a date of TOML have no notation that a user would write.
+    is_plain = isinstance(value, (np.ndarray, PurePath, date, time))
+    text = " ".join((str(value) if is_plain else repr(value)).split())
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
@@ -330,6 +339,31 @@ def within(name: str, value: object, low: float, high: float, unit: str = "", *,
     """Return a number as `positive` does, but between `low` and `high`, both included."""
     allowed = f"between {low:g} and {high:g}{unit}"
     return _check(name, value, allowed, lambda x: (x >= low) & (x <= high), every)
+
+
+def plausible(name: str, value: object, quantity: str, ask: str = "") -> None:
+    """Warn of a size of a ground motion that is unusual, and raise `ValueError` for one that is impossible.
+
+    Traced values are not checked.
+
+    Args:
+        name: words for the value, such as "the largest of `scales`".
+        value: number or array, in the unit of `PLAUSIBLE`.
+        quantity: key of `PLAUSIBLE`; the numbers of other quantities have no usual size.
+        ask: question at the end of the message; default for a value that is stated in this unit.
+    """
+    if quantity not in PLAUSIBLE or not is_concrete(value):
+        return
+    usual, unit = PLAUSIBLE[quantity]
+    if not (most := float(np.max(np.asarray(value)))) > usual:
+        return
+    # The strongest records exceed a usual value, and a scan for the strength of a block may go beyond it.
+    is_impossible = most > IMPOSSIBLE * usual
+    bound = f"must be at most {IMPOSSIBLE * usual:g}" if is_impossible else f"is usually at most {usual:g}"
+    text = f"{name} {bound} {unit}, but is {most:.3g} {unit}: {ask or f'is it in {unit}?'}"
+    if is_impossible:
+        raise ValueError(text)
+    warnings.warn(text, stacklevel=2)
 
 
 def tolerance(name: str, value: object) -> Any:

@@ -177,7 +177,7 @@ _RENAMED = (
     "method=finish study=details ramps=growth ramp=growth "
     "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
     "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
-    "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke motion=excitation"
+    "pga_g=pga sa_g=sa analysis=answers closed_form=theory stroke=swing_limit,limits.stroke motion=excitation"
 )
 RENAMED = dict(re.findall(r"(\w+)=(\S+)", _RENAMED))
 """New names by the old names of tables, keys, options, arguments and classes, see `changes.md` in the guide.

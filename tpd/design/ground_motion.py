@@ -180,10 +180,7 @@ class GroundMotionProblem(Problem):
         pulse."""
         validation = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.validation]
         motions, of = self.conditions.motions, self.conditions
-        # A job file states PGA in g.
-        unit = STANDARD_GRAVITY if of.intensity == "pga" else 1.0
-        scales = [float(f"{x / unit:.12g}") for x in of.scales]
-        motion: dict[str, Any] = {"scales": scales, "intensity": of.intensity.removesuffix("_g")}
+        motion: dict[str, Any] = {"scales": list(of.scales), "intensity": of.intensity}
         if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not validation:
             motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
             motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY
@@ -192,7 +189,7 @@ class GroundMotionProblem(Problem):
         else:
             motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
         ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
-        hazard = {} if self.conditions.hazard is None else self.conditions.hazard.table
+        hazard = {} if self.conditions.hazard is None else vars(self.conditions.hazard)
         return super().tables | {"excitation": motion, "ensemble": ensemble, "hazard": hazard}
 
     @property

@@ -40,7 +40,7 @@ from tpd.design.tables import (
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Requirements, Worsening
-from tpd.records.intensity import OF_JOBS, intensity_of
+from tpd.records.intensity import intensity_of
 from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import MEASURES, Conditions
@@ -186,8 +186,7 @@ class Job(ABC):
     @property
     def intensity(self) -> str:
         """Name in `tpd.records.intensity` of the measure that the scales refer to."""
-        name: str = self.full["excitation"]["intensity"]
-        return OF_JOBS.get(name, name)
+        return self.full["excitation"]["intensity"]
 
     @cached_property
     def hazard(self) -> Hazard | None:
@@ -195,8 +194,6 @@ class Job(ABC):
         keys: dict[str, Any] = dict(self.full["hazard"])
         if keys == {name: key.default for name, key in TABLES["hazard"].items()}:
             return None
-        # Accelerations of a job file are in g.
-        keys["intensity"] = OF_JOBS.get(keys["intensity"], keys["intensity"])
         with naming("hazard"):
             return Hazard(**keys)
 
@@ -225,6 +222,8 @@ class Job(ABC):
             raise ValueError("the acceleration of the motion must not be zero at all times")
         # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
         size = 1.0
+        with naming("excitation"):
+            checks.plausible("the largest of `scales`", max(scales), keys["intensity"])
         if keys["scales"] is not None and keys["intensity"] != "scale":
             size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
         return motion.scaled(scales[0] / size)

@@ -16,11 +16,8 @@ from tpd.scene.hazard import Measure
 from tpd.scene.record import Record
 from tpd.scene.scene import Block, Scene
 
-INTENSITIES = (*MEASURES, "sa", "sa_g")
+INTENSITIES = (*MEASURES, "sa")
 """Names of the intensity measures."""
-OF_JOBS = {"pga": "pga_g", "sa": "sa_g"}
-"""Names of accelerations in a job file, where they are in g, with the names of the same measures in
-Python."""
 _LIFTING = "1 = the acceleration that lifts the block"
 """Note on PGA/(g tan alpha), instead of a unit."""
 SPECTRAL_DAMPING, _MOST_DAMPING = 0.05, 0.99
@@ -49,16 +46,14 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         ValueError: the name does not exist, or a spectral acceleration has no period.
     """
     checks.one_of("intensity", name, INTENSITIES)
-    if name.startswith("sa") and period is None:
+    if name == "sa" and period is None:
         raise ValueError("the intensity sa, a spectral acceleration, needs `period` (--period S)")
-    if period is not None and not name.startswith("sa"):
+    if period is not None and name != "sa":
         raise ValueError(f"`period` (--period) has an effect only with the intensity sa, but it is {name}")
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")
-        of_g = Intensity(f"Sa({own:g} s)", "g", lambda m: spectral_acceleration(m, own) / STANDARD_GRAVITY)
-        si = Intensity(of_g.name, "m/s^2", lambda m: spectral_acceleration(m, own))
-        return si if name == "sa" else of_g
+        return Intensity(f"Sa({own:g} s)", "g", lambda m: spectral_acceleration(m, own) / STANDARD_GRAVITY)
 
     def relative_velocity(motion: GroundMotion) -> float:
         return float(Scene(block, motion, gravity).rate) * peak_velocity(motion) / unit
@@ -66,8 +61,7 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
     measures = {
         "pga_star": Intensity("PGA/(g tan alpha)", _LIFTING, lambda m: float(m.pga) / unit),
         "pgv_star": Intensity("p PGV/(g tan alpha)", "-", relative_velocity),
-        "pga": Intensity("PGA", "m/s^2", lambda m: float(m.pga)),
-        "pga_g": Intensity("PGA", "g", lambda m: float(m.pga) / STANDARD_GRAVITY),
+        "pga": Intensity("PGA", "g", lambda m: float(m.pga) / STANDARD_GRAVITY),
         "pgv": Intensity("PGV", "m/s", peak_velocity),
         "scale": Intensity("factor", "-", lambda m: 1.0),
     }
@@ -75,11 +69,11 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
 
 
 def measure_of(name: str, block: Block, gravity: checks.Real, period: checks.Real | None) -> Measure:
-    """Return the quantity of an intensity measure, such as PGA, with an intensity of 1 in SI units."""
+    """Return the quantity of an intensity measure, such as PGA, with an intensity of 1 in g or m/s."""
     # The measures of one quantity are proportional to each other, so any motion shows their ratio.
     motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
-    own, si = (intensity_of(x, block, gravity, period) for x in (name, name.partition("_")[0]))
-    return Measure(si.name, si.value(motion) / own.value(motion))
+    own, plain = (intensity_of(x, block, gravity, period) for x in (name, name.partition("_")[0]))
+    return Measure(plain.name, plain.value(motion) / own.value(motion))
 
 
 def base_motion(motion: GroundMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.core.checks import PLAUSIBLE
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
@@ -32,8 +33,8 @@ SETS = {
 """Names of the sets in a job file, with their names in `tpd.records.sets`."""
 _FEW = 3
 """Largest number of records that are described one by one."""
-_PLAUSIBLE_PGA = (0.001, 2.0)
-"""Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
+_SMALLEST_PGA = 0.001
+"""Smallest plausible PGA, g. People feel about 0.001 g."""
 _ROUNDING, _SAME, _ALIKE = 0.01, 0.9999, 0.75
 """Largest difference of two copies over their peak, and smallest correlations of two scaled copies and of two
 processings of one channel. Two components of one station have at most 0.55."""
@@ -134,10 +135,9 @@ def read_motions(
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     motions: list[GroundMotion] = [replace(record, event=quake) for record, quake, _ in unique]
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record, _, _ in unique]
-    if odd := [
-        f"{name} ({number(x)} g)" for name, x in sizes if not _PLAUSIBLE_PGA[0] <= x <= _PLAUSIBLE_PGA[1]
-    ]:
-        usual = f"usual are {_PLAUSIBLE_PGA[0]:g} to {_PLAUSIBLE_PGA[1]:g} g"
+    low, (high, _) = _SMALLEST_PGA, PLAUSIBLE["pga"]
+    if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not low <= x <= high]:
+        usual = f"usual are {low:g} to {high:g} g"
         wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)

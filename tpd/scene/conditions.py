@@ -33,8 +33,7 @@ MOST_SCATTER = 0.5
 MEASURES = {
     "pga_star": "PGA over g tan(alpha); at 1 the block lifts",
     "pgv_star": "p PGV over g tan(alpha)",
-    "pga": "PGA in m/s^2",
-    "pga_g": "PGA in g",
+    "pga": "PGA in g",
     "pgv": "PGV in m/s",
     "scale": "factor on each motion",
 }
@@ -333,8 +332,7 @@ class Conditions:
             motions: records, pulses and harmonics. A harmonic becomes 40 periods from rest.
             scales: values of the intensity, above 0.
             intensity: measure of the scales: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan
-                alpha), "pga" and "pgv" are in m/s^2 and m/s, "pga_g" is PGA in g, "scale" is a factor on the
-                motion.
+                alpha), "pga" is PGA in g, "pgv" is PGV in m/s, "scale" is a factor on the motion.
             scatter: relative half widths of uncertain quantities, by a name of
                 `tpd.scene.conditions.FACTORS`. Every condition has its own sample from one seeded Latin
                 hypercube.
@@ -358,7 +356,7 @@ class Conditions:
         checks.one_of("intensity", intensity, tuple(MEASURES))
         listed_scales = np.atleast_1d(scales) if np.ndim(scales) == 0 else scales
         each = checks.array("scales", listed_scales, (-1,), "a vector of numbers")
-        checks.positive("scales", each, every=True)
+        checks.plausible("the largest of `scales`", checks.positive("scales", each, every=True), intensity)
         samples, stated = checks.count("samples", samples), tuple(map(float, each))
         seed, scatter = checks.seed("seed", seed), {} if scatter is None else scatter
         checks.optional("hazard", hazard, Hazard)

@@ -15,7 +15,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.checks import Real
-from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.formats.channel import GREATEST_PEAK, STANDARD_GRAVITY
 from tpd.scene.earthquakes import is_one
 
 LONGEST_FREE = 1e5
@@ -24,8 +24,6 @@ LEAST_EARTHQUAKES = 5
 """Smallest number of earthquakes from which statements about other earthquakes are made. With fewer, the
 variation between earthquakes cannot be estimated."""
 
-GREATEST_PULSE = 1e4
-"""Largest acceleration of a pulse, m/s^2."""
 FREQUENCIES = 1e-6, 1e6
 """Lowest and highest frequency of an excitation, Hz."""
 _MOST_CYCLES = 8.0
@@ -95,6 +93,7 @@ class GroundMotion:
         if pga_g is not None:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
         peak = checks.positive("pga", pga)
+        checks.plausible("`pga`", peak / STANDARD_GRAVITY, "pga")
         if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
             raise ValueError("a motion of zeros cannot be scaled to a peak")
         return self.scaled(peak / self.pga)
@@ -253,7 +252,7 @@ class Pulse(GroundMotion):
 
     def __post_init__(self) -> None:
         checks.one_of("kind", self.kind, tuple(PULSES))
-        checks.set_checked(self, checks.not_negative, "acceleration", 0.0, GREATEST_PULSE, " m/s^2")
+        checks.set_checked(self, checks.not_negative, "acceleration", 0.0, GREATEST_PEAK, " m/s^2")
         checks.set_checked(self, checks.positive, "frequency", *FREQUENCIES, " Hz")
         checks.set_checked(self, checks.number, "cycles")
         checks.set_checked(self, checks.within, "phase", -2.0 * math.pi, 2.0 * math.pi, " rad")

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.core import checks
-from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.core.formatting import number
 
 HOW_TO = "State `levels` and `rates` in [hazard] to learn once in how many years the block overturns"
 """Sentence for results without a hazard, without its full stop."""
 _STEP = 1e-6
 """Dispersion of a curve that is almost a step."""
+MOST_DISPERSION = 10.0
+"""Largest dispersion of a curve. A larger one spreads the capacity over more than ten orders of magnitude."""
+_FREQUENT = 0.004
+"""Annual rate of the last level from which a warning appears. Published curves reach return periods of 475
+years."""
+_UNUSUAL, _IMPOSSIBLE = 2e-4, 1e-3
+"""Annual rates at which the ground exceeds an implausible level: a larger rate is unusual, or impossible."""
+_WAYS = ("rates", "return_periods", "probabilities")
+"""Fields of which exactly one states how often a level is exceeded."""
 
 
 class Measure(NamedTuple):
@@ -21,8 +31,8 @@ class Measure(NamedTuple):
 
     quantity: str
     """Name of the quantity: PGA, PGV, or Sa with its period."""
-    si: float
-    """Size of the unit in m/s^2 or m/s."""
+    size: float
+    """Size of the unit in g or m/s."""
     unit: str = ""
     """Name of the unit."""
 
@@ -33,60 +43,95 @@ class Hazard:
     """Annual rates at which the ground motion at a site exceeds intensity levels.
 
     Between two levels the rate follows a straight line over logarithmic axes. The first and the last line
-    continue beyond the levels.
+    continue beyond the levels. The exceedances are stated by exactly one of `rates`, `return_periods`, and
+    `probabilities` with `years`. All become `rates`, and the other fields None.
 
     Raises:
         ValueError: there are fewer than two levels, levels do not increase, rates do not fall, a number is
-            not positive, the intensity is unknown, or a spectral acceleration has no period.
+            not positive, the intensity is unknown, a spectral acceleration has no period, the exceedances
+            are stated twice or not at all, or the levels are implausible in their unit.
 
     Example:
         >>> import tpd
-        >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5], intensity="pga_g")
+        >>> hazard = tpd.Hazard(levels=[0.1, 1.0], rates=[0.02, 6.3e-5])
         >>> round(1.0 / hazard.annual_rate(0.6, 0.4))
         2681
     """
 
     levels: tuple[float, ...]
-    """Intensity levels, increasing. In Python "pga" is in m/s^2 and "pga_g" in g; in a job file PGA and
-    spectral accelerations are in g, and PGV is in m/s."""
-    rates: tuple[float, ...]
+    """Intensity levels, increasing: PGA and spectral accelerations in g, PGV in m/s."""
+    rates: tuple[float, ...] | None = None
     """Mean number of exceedances of each level per year, falling. The rate of a return period of 475 years is
     1/475."""
+    return_periods: tuple[float, ...] | None = None
+    """Return period of each level in years, increasing, instead of `rates`."""
+    probabilities: tuple[float, ...] | None = None
+    """Probability that each level is exceeded in `years`, falling, instead of `rates`: 0.1 is 10 %."""
+    years: checks.Real | None = None
+    """Number of years of the `probabilities`, usually 50."""
     intensity: str = "pga"
     """Intensity measure of the levels: pga, pgv, or sa, the spectral acceleration with 5 % damping."""
     period: checks.Real | None = None
     """Period of the spectral acceleration, s."""
 
     def __post_init__(self) -> None:
-        checks.one_of("intensity", self.intensity, ("pga", "pga_g", "pgv", "sa", "sa_g"))
-        if self.intensity.startswith("sa") == (self.period is None):
+        checks.one_of("intensity", self.intensity, ("pga", "pgv", "sa"))
+        if (self.intensity == "sa") == (self.period is None):
             wrong = f"it is {self.period} and the intensity is {self.intensity}"
             raise ValueError(f"`period` (s) must be stated with the intensity sa, and only then, but {wrong}")
         if self.period is not None:
             checks.positive("period", self.period, 1e-3, 1e3, " s")
         levels = checks.positive("levels", checks.increasing("levels", self.levels), every=True)
-        # A rate of zero at the last level would have no logarithm, and a constant rate no intensity.
-        of = f"{len(levels)} rates per year, one for each level"
-        rates = checks.positive("rates", checks.array("rates", self.rates, levels.shape, of), every=True)
-        if not np.all(np.diff(rates) < 0.0):
-            raise ValueError(f"`rates` must fall from level to level, but are {checks.shown(rates)}")
+        rates = self._yearly(levels.shape)
         # Tuples make two hazards with the same numbers equal.
-        for name, numbers in (("levels", levels), ("rates", rates)):
-            object.__setattr__(self, name, tuple(numbers.tolist()))
+        numbers = {"levels": tuple(levels.tolist()), "rates": tuple(rates.tolist())}
+        for name, value in (dict.fromkeys((*_WAYS, "years")) | numbers).items():
+            object.__setattr__(self, name, value)
+        # Published curves end at high levels that almost never occur: a high level is implausible only if it
+        # occurs often.
+        usual, unit = checks.PLAUSIBLE[self.intensity]
+        x, y, at = np.log(levels), np.log(rates), np.log(usual)
+        i = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
+        often = float(np.exp(y[i] + (y[i] - y[i - 1]) / (x[i] - x[i - 1]) * (at - x[i])))
+        wrong = f"at this site the {self.measure.quantity} exceeds {usual:g} {unit} once in"
+        text = f"{wrong} {number(1.0 / often, 3)} years, which is implausible: are `levels` in {unit}?"
+        if often > _IMPOSSIBLE:
+            raise ValueError(text)
+        is_frequent = rates[0] > 1.0 or rates[-1] > _FREQUENT
+        if is_frequent:
+            wrong = f"the ground exceeds the levels {checks.shown(rates)} times a year"
+            text = f"{wrong}: are the `rates` probabilities in many years?"
+        if is_frequent or often > _UNUSUAL:
+            warnings.warn(text, stacklevel=3)
+
+    def _yearly(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Return the annual rates of exceedance from the only field that states them."""
+        stated = [name for name in _WAYS if getattr(self, name) is not None]
+        if len(stated) != 1:
+            have = " and ".join(f"`{name}`" for name in stated) or "none of them"
+            raise ValueError(f"exactly one of `{'`, `'.join(_WAYS)}` must be stated, but it is {have}")
+        (way,) = stated
+        if (way == "probabilities") == (self.years is None):
+            wrong = f"it is {self.years} and the exceedances are `{way}`"
+            raise ValueError(f"`years` must be stated with `probabilities`, and only then, but {wrong}")
+        # A rate of zero at the last level would have no logarithm, and a constant rate no intensity.
+        of = f"{shape[0]} {way.replace('_', ' ')}{' per year' * (way == 'rates')}, one for each level"
+        x = checks.positive(way, checks.array(way, getattr(self, way), shape, of), every=True)
+        if way == "probabilities" and np.any(x >= 1.0):
+            raise ValueError(f"`{way}` must be below 1 (10 % is 0.1), but are {checks.shown(x)}")
+        sign = 1.0 if way == "return_periods" else -1.0
+        if not np.all(sign * np.diff(x) > 0.0):
+            wanted = "increase" if sign > 0.0 else "fall"
+            raise ValueError(f"`{way}` must {wanted} from level to level, but are {checks.shown(x)}")
+        if way == "probabilities":
+            return -np.log1p(-x) / checks.positive("years", self.years, 1.0, 1e4)
+        return x if way == "rates" else 1.0 / x
 
     @property
     def measure(self) -> Measure:
         """Quantity and unit of the levels."""
-        name = self.intensity.removesuffix("_g").upper() if self.period is None else f"Sa({self.period:g} s)"
-        unit = "g" if self.intensity.endswith("_g") else "m/s" if name == "PGV" else "m/s^2"
-        return Measure(name, STANDARD_GRAVITY if unit == "g" else 1.0, unit)
-
-    @property
-    def table(self) -> dict[str, Any]:
-        """Keys of the hazard in a job file, where accelerations are in g."""
-        size = STANDARD_GRAVITY if self.measure.unit == "m/s^2" else 1.0
-        levels = [float(f"{x / size:.12g}") for x in self.levels]
-        return vars(self) | {"levels": levels, "intensity": self.intensity.removesuffix("_g")}
+        name = self.intensity.upper() if self.period is None else f"Sa({self.period:g} s)"
+        return Measure(name, 1.0, checks.PLAUSIBLE[self.intensity][1])
 
     def factor(self, other: Measure) -> float:
         """Return the factor that converts intensities of a measure to the unit of the levels.
@@ -94,11 +139,12 @@ class Hazard:
         Raises:
             ValueError: the intensities are of another quantity.
         """
+        checks.instance("other", other, Measure, ": use the `measure` of a fragility")
         if other.quantity != self.measure.quantity:
             two = f"{self.measure.quantity} in {self.measure.unit} and {other.quantity}"
             same = "hazard and ground motions must have the same `intensity`"
             raise ValueError(f"{same}, but they have {two}: state `scales` in this measure")
-        return other.si / self.measure.si
+        return other.size
 
     def exceeding(self, levels: Any) -> Any:
         """Return the annual rates at which the intensity exceeds levels of any shape."""
@@ -116,7 +162,7 @@ class Hazard:
             dispersion: standard deviation of the logarithm of the intensity.
 
         Raises:
-            ValueError: an argument is not positive and finite.
+            ValueError: an argument is not positive and finite, or the dispersion is above 10.
         """
         # SciPy takes a while to load, and a job is read without it.
         from scipy.special import log_ndtr
@@ -126,7 +172,8 @@ class Hazard:
             import jax.numpy as np_
             from jax.scipy.special import log_ndtr
         theta, beta = checks.positive("median", median, every=True), dispersion
-        both = np_.broadcast_arrays(theta, checks.positive("dispersion", beta, every=True))
+        checks.positive("dispersion", beta, 0.0, MOST_DISPERSION, every=True)
+        both = np_.broadcast_arrays(theta, beta)
         theta, beta = (number[..., None] for number in both)
         # In a range H = exp(y0 - m (x - x0)) with x = ln s. Multiplied by the density of the curve, this is
         # again a normal density over z = (x - ln theta)/beta, shifted by m beta. The first and the last range

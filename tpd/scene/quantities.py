@@ -71,7 +71,9 @@ _OF_PENDULUM = (
 
 def named(name: Any) -> Any:
     """Return the name of a parameter or quantity from a name with hyphens, or from that of a ratio."""
-    plain = name.replace("-", "_") if isinstance(name, str) else name
+    if not isinstance(name, str):
+        return name
+    plain = name.replace("-", "_")
     return _RATIOS.get(plain, plain)
 
 

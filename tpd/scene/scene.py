@@ -30,9 +30,6 @@ units."""
 DENSITIES = (10.0, 5e5)
 """Plausible density, kg/m^3, of a block whose depth equals its width. Hollow blocks and walls, which are
 deeper, lie within the range. Lengths in mm or cm, and masses in t or g, lie outside."""
-LARGEST_SHAKING = 10.0
-"""Largest plausible acceleration of a harmonic excitation, over the standard gravity. The strongest recorded
-motions reach a few g."""
 LARGEST_COEFFICIENT = 2.0
 """Largest plausible coefficient of friction; that of rubber on concrete is about 1."""
 LEAST_GYRATION = 0.2
@@ -490,7 +487,7 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
 
 
 def check_excitation(amplitude: Any, frequency: Any) -> None:
-    """Raise `ValueError` if a harmonic excitation has an acceleration that no ground has.
+    """Apply `checks.plausible` to the acceleration of a harmonic excitation.
 
     Traced values are not checked.
 
@@ -506,10 +503,8 @@ def check_excitation(amplitude: Any, frequency: Any) -> None:
         shares = amplitude * (2.0 * np.pi * frequency) ** 2 / STANDARD_GRAVITY
     # The message shows the strongest of several excitations.
     i = np.unravel_index(np.argmax(shares), shares.shape)
-    if shares[i] > LARGEST_SHAKING:
-        allowed = f"an acceleration of at most {LARGEST_SHAKING:g} g"
-        actual = f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
-        raise ValueError(f"`amplitude` and `frequency` must give {allowed}, but {actual}")
+    of = f"`amplitude` and `frequency` give {amplitude[i]:g} m at {frequency[i]:g} Hz, whose acceleration"
+    checks.plausible(of, shares[i], "pga", "are they in m and Hz?")
 
 
 def check_damping(name: str, value: Any) -> None:
