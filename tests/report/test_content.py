@@ -114,7 +114,7 @@ def test_the_appendix_lists_records_and_notes_on_their_files():
         content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Appendix: records"
     )
     assert [row[:3] for row in table.rows] == [
-        ("search records", "loma-prieta", "Loma Prieta 1989"),
-        ("validation records", "el-centro", "Imperial Valley 1940"),
+        ("search records", "loma-prieta", "Loma Prieta 1989-10-18"),
+        ("validation records", "el-centro", "Imperial Valley 1940-05-19"),
     ]
     assert notes.items == ("a.AT2: offset removed",)

@@ -29,6 +29,11 @@ PAIRS = (
     # A year beside a date: as the set of FEMA P695 and the files of PEER write it.
     ("Nowhere Valley 1979", "Nowhere Valley-06, 10/15/1979", True),
     ("Chi-Chi 1999", "Chi-Chi, Taiwan, 9/20/1999", True),
+    # A number counts only if both names have one, also without a date.
+    ("Imperial Valley 1979", "Imperial Valley-06 1979", True),
+    ("Northridge", "Northridge-01", True),
+    ("Kobe 1995", "Kobe, Japan 1995", True),
+    ("Nowhere", "Nowhere Valley", False),
     ("Kobe 1999", "Chi-Chi, Taiwan, 9/20/1999", False),
     ("Chi-Chi-03 1999", "Chi-Chi-06 1999", False),
     # Without a date only names can say it.

@@ -14,7 +14,7 @@ from tpd.answers.transient import FREE
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
 from tpd.records.sets import SETS, fema_p695
-from tpd.scene.ground_motion import earthquakes_of
+from tpd.scene.ground_motion import earthquakes_of, events_of
 from tpd.scene.scene import Pendulum
 from tpd.theory.equations import Terms
 
@@ -75,7 +75,7 @@ def transfer_of(
         at_level = (replace(pairs, counted=level == x).change("overturned") for x in LEVELS)
         shares = tuple(x._replace(name=f"{at:g}") for at, x in zip(LEVELS, at_level, strict=True))
         # Other stations of an earthquake that the design used are not independent of it.
-        events = {record.event for record in records}
-        common = events.intersection(getattr(motion, "event", "") for motion in motions)
-        out.append(Transfer(name, shares, len(records), len(events), len(common)))
+        events = events_of([*motions, *records])
+        own, common = set(events[len(motions) :]), set(events[: len(motions)])
+        out.append(Transfer(name, shares, len(records), len(own), len(own & common)))
     return tuple(out)

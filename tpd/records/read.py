@@ -19,7 +19,7 @@ from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTIC
 from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
 from tpd.scene.earthquakes import is_one
-from tpd.scene.ground_motion import GroundMotion, events_of
+from tpd.scene.ground_motion import GroundMotion, copy_factor, events_of
 from tpd.scene.record import Record
 
 BUILT_IN = {"el-centro": el_centro, "loma-prieta": loma_prieta}
@@ -35,8 +35,8 @@ _FEW = 3
 """Largest number of records that are described one by one."""
 _SMALLEST_PGA = 0.001
 """Smallest plausible PGA, g. People feel about 0.001 g."""
-_ROUNDING, _SAME, _ALIKE = 0.01, 0.9999, 0.75
-"""Largest difference of two copies over their peak, and smallest correlations of two scaled copies and of two
+_ROUNDING, _RESAMPLING, _ALIKE = 0.01, 0.1, 0.75
+"""Largest difference of two copies over their peak, also with two time steps, and smallest correlation of two
 processings of one channel. Two components of one station have at most 0.55."""
 
 
@@ -119,7 +119,11 @@ def read_motions(
         messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated([record for record, _, _ in read])
-    omitted += [f"{record.source} ({why})" for (record, _, _), why in zip(read, reasons, strict=True) if why]
+    repeats = [(record.source, why) for (record, _, _), why in zip(read, reasons, strict=True) if why]
+    omitted += [f"{source} ({why})" for source, why in repeats if source]
+    # Records of a set have no file.
+    if named_twice := sum(not source for source, _ in repeats):
+        omitted.append(f"{named_twice} records of sets that are named twice")
     unique = [one for one, why in zip(read, reasons, strict=True) if not why]
     # The user may not know that a folder counts as one earthquake.
     for name, count in Counter(folder for _, _, folder in unique if folder).items():
@@ -165,14 +169,19 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         first, second, out = records[i], records[j], reasons[i] or reasons[j]
         likeness = 0.0 if out else _likeness(first, second, places[i], places[j])
         if likeness == 0.5:
-            both = f"{first.source} and {second.source}"
+            both = f"{first.source or first.name} and {second.source or second.name}"
             wrong = f"{both} may be one channel that was processed in two ways"
             raise ValueError(f"{wrong}: name only one of the files, or choose a column")
         if likeness == 1.0:
             # The choice depends on what the files contain, and not on their order.
-            worse, kept = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
-            reasons[worse] = f"the same motion as {records[kept].source}"
+            worse, kept = sorted((i, j), key=lambda k: _quality(records[k]))
+            reasons[worse] = f"the same motion as {records[kept].source or records[kept].name}"
     return reasons
+
+
+def _quality(record: Record) -> tuple[Any, ...]:
+    """Return what sorts copies of a motion: a short step, a long duration, and any fixed order."""
+    return -record.dt, record.duration, record.acceleration.tobytes()
 
 
 def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
@@ -182,17 +191,21 @@ def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
     words = zip(places[0][:2], places[1][:2], strict=True)
     named = any(x and y and x != y and "column" not in x + y for x, y in words)
     named |= bool(first.event and second.event and not is_one(first.event, second.event))
-    if named or abs(first.dt - second.dt) > 1e-6 * first.dt:
+    if named:
+        return 0.0
+    # A factor makes another motion.
+    has_steps = abs(first.dt - second.dt) > 1e-6 * first.dt
+    if factor := copy_factor(first, second):
+        return float(abs(factor - 1.0) <= (_RESAMPLING if has_steps else _ROUNDING))
+    if has_steps:
         return 0.0
     n = min(len(first.acceleration), len(second.acceleration))
     a, b = (x.acceleration[:n] for x in (first, second))
     if np.max(np.abs(a - b)) <= _ROUNDING * np.max(np.abs(a)):
         return 1.0
-    # An offset of the instrument and a filter change a channel, and a factor makes another motion.
+    # An offset of the instrument and a filter change a channel.
     a, b = a - a.mean(), b - b.mean()
-    likeness, energies = float(a @ b), (float(a @ a), float(b @ b))
-    is_scaled = likeness > _SAME * np.sqrt(energies[0] * energies[1]) and likeness < 0.99 * max(energies)
-    return 0.5 if likeness > _ALIKE * max(energies) and not is_scaled else 0.0
+    return 0.5 if a @ b > _ALIKE * max(a @ a, b @ b) else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:

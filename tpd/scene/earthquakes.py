@@ -132,18 +132,23 @@ def is_one(first: str, second: str) -> bool:
         days = [{e.day, e.time.date() if e.time else e.day} for e in (a, b)]
         near = abs(a.day - b.day) <= timedelta(days=1)
         return bool(days[0] & days[1]) or (near and _is_one_name(a, b))
-    if a.year and b.year and (a.day or b.day):
+    if a.year and b.year:
         return a.year == b.year and _is_one_name(a, b)
-    # Without a date only the numbers in the names distinguish earthquakes of one region.
-    return bool(a.name) and a.name == b.name and (a.year == b.year or not (a.year and b.year))
+    # Without the years the names must have the same words.
+    return _is_one_name(a, b) and len(_words(a)) == len(_words(b))
+
+
+def _words(of: Earthquake) -> list[str]:
+    """Return the words of the name without numbers."""
+    return [word for word in of.name if not word.isdigit()]
 
 
 def _is_one_name(a: Earthquake, b: Earthquake) -> bool:
     """Return whether one name begins the other name, such as Chi-Chi and Chi-Chi, Taiwan.
 
-    Numbers of earthquakes of one region, such as Chi-Chi-03, are compared if both names contain one.
+    The number of an earthquake of one region, such as Chi-Chi-03, counts only if both names contain one.
     """
-    names = [[word for word in e.name if not word.isdigit()] for e in (a, b)]
+    names = _words(a), _words(b)
     numbers = [[int(word) for word in e.name if word.isdigit()] for e in (a, b)]
     n = min(map(len, names))
     return n > 0 and names[0][:n] == names[1][:n] and (numbers[0] == numbers[1] or not all(numbers))

@@ -123,7 +123,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
         if names[i] == names[j]:
             continue
         is_named = bool(events[i] and events[j]) and is_one(events[i], events[j])
-        if is_named or are_copies(motions[i], motions[j]):
+        if is_named or copy_factor(motions[i], motions[j]):
             names = [names[j] if name == names[i] else name for name in names]
     return names
 
@@ -139,29 +139,36 @@ def earthquakes_of(motions: Sequence[GroundMotion]) -> np.ndarray:
     return np.unique([first[event] for event in names], return_inverse=True)[1]
 
 
-def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
-    """Return whether two records are the same motion.
+def copy_factor(first: GroundMotion, second: GroundMotion) -> float:
+    """Return the ratio of the samples of two records that are the same motion; 0 for two motions.
 
-    They may differ by a factor, by the number of digits in a file, and by zeros before or after the motion.
+    They may differ by a factor, by the time step, by a part that was cut off, by zeros before or after the
+    motion, and by the number of digits in a file.
     """
-    a: Any = getattr(first, "acceleration", 0.0)
-    b: Any = getattr(second, "acceleration", 0.0)
-    if np.ndim(a) != 1 or np.ndim(b) != 1:
-        return False
-    # Copies have the same time step.
-    if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
-        return False
-    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    energies, peaks = (a @ a, b @ b), (np.max(np.abs(a)) ** 2, np.max(np.abs(b)) ** 2)
-    # A quick test excludes most pairs: the ratio of the energy to the square of the peak does not depend on a
-    # factor or on zeros.
-    if abs(energies[0] * peaks[1] - energies[1] * peaks[0]) > 1e-3 * energies[0] * peaks[1]:
-        return False
-    size = float(np.sqrt(energies[0] * energies[1]))
-    # The correlation of two components of one station is below 0.9. Rounding to three digits leaves 0.99999.
-    n = len(a) + len(b)
-    correlation = np.fft.irfft(np.fft.rfft(a, n) * np.conj(np.fft.rfft(b, n)), n)
-    return size == 0.0 or float(np.max(np.abs(correlation))) > 0.9999 * size
+    pair: list[Any] = [m for m in (first, second) if np.ndim(getattr(m, "acceleration", 0.0)) == 1]
+    if len(pair) < 2:
+        return 0.0
+    # Compare at the samples of the record with the larger step.
+    (s, b), (h, a) = sorted(((float(m.piece), np.asarray(m.acceleration)) for m in pair), key=lambda x: x[0])
+    times, at, has_steps = s * np.arange(len(b)), h * np.arange(len(a)), h - s > 1e-6 * h
+    # Copies begin or end together, or have their peaks at one time. Another step shifts the peak.
+    peaks, most = s * np.argmax(np.abs(b)) - h * np.argmax(np.abs(a)), math.ceil(h / s) if has_steps else 0
+    shifts = np.array([0.0, times[-1] - at[-1], *(peaks + s * np.arange(-most, most + 1))])
+    # A few samples exclude most pairs. The correlation of two components of one station is below 0.6. Another
+    # step leaves 0.956, and rounding to three digits 0.9999.
+    for stride, least in ((1 + len(a) // 100, 0.85), (1, 0.95 if has_steps else 0.9999)):
+        when = at[::stride] + shifts[:, None]
+        inside = (when >= -1e-6 * s) & (when <= times[-1] + 1e-6 * s)
+        x, y = np.where(inside, a[::stride], 0.0), np.where(inside, np.interp(when, times, b), 0.0)
+        xx, yy, xy = (np.sum(one * other, axis=1) for one, other in ((x, x), (y, y), (x, y)))
+        fits = (np.abs(xy) > least * np.sqrt(xx * yy)) & (np.sum(inside, axis=1) >= min(len(x[0]), 20))
+        if stride == 1:
+            # The common part must have much of the energy of one of the records.
+            fits &= (xx > 0.4 * np.sum(a * a)) | (yy * h > 0.4 * np.sum(b * b) * s)
+        if not fits.any():
+            return 0.0
+        shifts = shifts[fits]
+    return float((xy / xx)[fits][0])
 
 
 def refuse_zeros(motions: Sequence[GroundMotion]) -> None:
