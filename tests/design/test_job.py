@@ -177,6 +177,16 @@ def test_keys_that_an_option_replaces_are_dropped(given, over, dropped):
         jobs.job_of(*jobs.merge_tables({"search": {"risk_share": 0.2}}, {"search": {"seed": 1}}))
 
 
+def test_a_ratio_of_energies_as_restitution_gets_a_question():
+    sizes, motion = {"width": 0.7, "height": 4.0, "mass": 2210.0}, {"amplitude": 0.1, "frequency": 1.0}
+    e = Block(**sizes).velocity_ratio
+    for value in ("housner", e, e - 0.02, e**2 - 0.011):
+        jobs.job_of({"block": sizes | {"restitution": value}, "excitation": motion})
+    for value in (e**2, e**2 - 0.0099):
+        with pytest.warns(UserWarning, match="about the square of .*: is it the ratio of the energies"):
+            jobs.job_of({"block": sizes | {"restitution": value}, "excitation": motion})
+
+
 def test_a_job_states_accelerations_in_g():
     job = jobs.job_of(
         {"excitation": {**RECORDS, "validation_share": 0.0, "intensity": "pga", "scales": [0.3]}}

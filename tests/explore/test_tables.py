@@ -106,6 +106,8 @@ def table_of(width: float, height: float, amplitude: float, frequency: float) ->
     return solve(scene, axes, tpd.Pendulum(mass=600.0, length=0.5, damping_ratio=0.3))
 
 
+# The motion of this failure is unusually strong.
+@pytest.mark.filterwarnings("ignore:.*is usually at most 2 g")
 def test_no_orbit_lies_beyond_the_toppling_tilt():
     table = table_of(0.92, 3.64, 0.656, 0.88)
     assert not any((table.fields[name] >= 1.0).any() for name in ("tilt", "unstable"))

@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import tomllib
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -47,6 +48,7 @@ from tpd.scene.conditions import MEASURES, Conditions
 from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.hazard import Hazard
+from tpd.scene.impacts import housner
 from tpd.scene.scene import Block, Harmonic, Scene
 
 _FEW = 9
@@ -124,7 +126,14 @@ class Job(ABC):
         if all(values[x] == getattr(PAPER.block, x) for x in required_keys("block")):
             values = vars(PAPER.block) | values
         with naming("block"):
-            return Block(**values)
+            block = Block(**values)
+        # Some authors state the ratio of the energies, which is e^2.
+        e, stated = housner(block.slenderness, block.inertia_ratio), block.velocity_ratio
+        if abs(stated - e**2) <= _NEAR < abs(stated - e):
+            question = "is it the ratio of the energies instead of that of the angular velocities?"
+            near = f"the square of Housner's coefficient {e:.4g} for this shape"
+            warnings.warn(f"`block.restitution` is {stated:g}, about {near}: {question}", stacklevel=2)
+        return block
 
     def under(self, motion: Harmonic | GroundMotion) -> Scene:
         """Return the block at its site under another motion."""
@@ -557,6 +566,8 @@ class PulseJob(RecordsJob):
             return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
 
 
+_NEAR = 0.01
+"""Difference of a coefficient of restitution from the square of Housner's that gets a question."""
 _JOBS: dict[str, type[Job]] = {"harmonic": HarmonicJob, "pulse": PulseJob, "records": RecordsJob}
 """Classes of jobs, by the kind of motion."""
 

@@ -83,9 +83,9 @@ class Block:
     """
 
     width: Real
-    """Width of the base, m."""
+    """Full width of the base, m."""
     height: Real
-    """Height of the block, m; the hinge of the pendulum is at the middle of the top unless its height is
+    """Full height of the block, m; the hinge of the pendulum is at the middle of the top unless its height is
     stated."""
     mass: Real
     """Mass of the block, kg."""
@@ -96,9 +96,9 @@ class Block:
     its dependence on `width` and `height`."""
     restitution: Real | str = HOUSNER
     """e: ratio of the angular velocities after and before an impact of the base, a number in (0, 1], where 1
-    means no loss, or "housner" (the default), which follows from block and bob. "housner" depends on the
-    shape of the block and on the mass ratio of bob and block, also in gradients. A number applies with any
-    pendulum."""
+    means no loss, or "housner" (the default), which follows from block and bob. Housner's r is the ratio of
+    the energies, e^2: state its square root. "housner" depends on the shape of the block and on the mass
+    ratio of bob and block, also in gradients. A number applies with any pendulum."""
     cavity_width: Real | None = None
     """Width (m) of the space inside the block in which the bob swings. Default: not stated; a search with a
     limit on the clearance then requires it."""
@@ -249,11 +249,11 @@ class Pendulum:
     """
 
     mass: Real
-    """Mass of the bob, kg; 0 means no pendulum."""
+    """Mass of the equivalent point, kg; 0 means no pendulum."""
     length: Real
-    """Length of the rod, m."""
+    """Distance of the equivalent point from the hinge, m; the rod as built is shorter."""
     damping_ratio: Real
-    """Damping ratio zeta: share of the critical damping of the pendulum on a fixed hinge."""
+    """Damping ratio zeta: share of the critical damping of the pendulum on a fixed hinge; 5 % is 0.05."""
     hinge_height: Real | None = None
     """Height of the hinge above the base, m, up to twice the height of the block. Default: the top of the
     block. Gradients with the default include its dependence on the height of the block."""
@@ -299,9 +299,9 @@ class Harmonic:
     swing_in_drawing: ClassVar[str] = "settled swing"
     """Name of the bob angle in a drawing."""
     amplitude: Real
-    """Amplitude of the displacement of the ground, m."""
+    """Amplitude of the displacement of the ground, half of the travel from end to end, m."""
     frequency: Real
-    """Frequency of the excitation, Hz."""
+    """Frequency of the excitation in cycles per second, Hz."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
