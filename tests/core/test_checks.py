@@ -259,6 +259,7 @@ CALLS = {
     'fold_curve(p, "mu", [])': "`y` must be one of nu, mu, lam",
     'fold_curve(p, {}, "mu")': "`x` must be one of nu, mu, lam",
     "made(Block, width=date(1979, 10, 15))": "`width` must be a number, but is 1979-10-15",
+    "made(Block, width=[date(1979, 10, 15)])": "`width` must be a number, but is [1979-10-15]",
     "made(Block, width=Path('a.csv'))": "`width` must be a number, but is a.csv",
     "rocking_spectrum(block, record, periods=3.0)": "`periods` must be a vector of numbers, all finite, but",
     'rocking_spectrum(block, record, mass_ratio="a")': "`mass_ratio` must be a number, but is 'a'",

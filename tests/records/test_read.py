@@ -398,6 +398,15 @@ def test_an_implausible_peak_gives_a_warning(tmp_path):
         "warning: the PGA is implausible (usual are 0.001 to 2 g). Check the unit and the samples: "
         "a.asc (10.2 g)" in said
     )
+    # Marks that are smaller, and repeated.
+    for unit, mark in (("gal", -999.0), ("g", 0.999), ("m/s2", 99.99)):
+        wave = 0.5 * abs(mark) * shaking(200) / np.max(np.abs(shaking(200)))
+        for places, is_marked in ((50, False), ([50, 60], True)):
+            wave[places] = mark
+            _, said = read_motions([put(tmp_path / "marks", a=in_table(wave, unit))])
+            assert (
+                any("nines and is repeated. Is it a mark of missing data? a" in x for x in said) == is_marked
+            )
 
 
 def test_an_empty_record_name_is_rejected(tmp_path, monkeypatch):

@@ -154,6 +154,8 @@ def shown(value: object) -> str:
     # A path and a date of TOML have no notation that a user would write.
     is_plain = isinstance(value, (np.ndarray, PurePath, date, time))
     text = " ".join((str(value) if is_plain else repr(value)).split())
+    if isinstance(value, list):
+        text = f"[{', '.join(map(shown, value))}]"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 

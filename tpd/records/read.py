@@ -144,7 +144,17 @@ def read_motions(
         usual = f"usual are {low:g} to {high:g} g"
         wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
+    if marks := [record.source or record.name for record, _, _ in unique if _has_marks(record)]:
+        wrong = "the largest sample has only nines and is repeated. Is it a mark of missing data?"
+        messages.append(f"warning: {wrong} {'; '.join(marks)}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
+
+
+def _has_marks(record: Record) -> bool:
+    """Whether the largest sample occurs several times, and has only nines in m/s^2, cm/s^2 or g."""
+    a = np.abs(record.acceleration)
+    digits = (f"{a.max() / unit:.6g}".replace(".", "").strip("0") for unit in (1.0, STANDARD_GRAVITY))
+    return int(np.sum(a > 0.999999 * a.max())) > 1 and any(re.fullmatch("9{3,}", x) for x in digits)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
@@ -174,14 +184,11 @@ def _repeated(records: Sequence[Record]) -> list[str]:
             raise ValueError(f"{wrong}: name only one of the files, or choose a column")
         if likeness == 1.0:
             # The choice depends on what the files contain, and not on their order.
-            worse, kept = sorted((i, j), key=lambda k: _quality(records[k]))
+            # The shortest step and the longest duration count.
+            quality = {k: (-x.dt, x.duration, x.acceleration.tobytes()) for k, x in ((i, first), (j, second))}
+            worse, kept = sorted(quality, key=quality.__getitem__)
             reasons[worse] = f"the same motion as {records[kept].source or records[kept].name}"
     return reasons
-
-
-def _quality(record: Record) -> tuple[Any, ...]:
-    """Return what sorts copies of a motion: a short step, a long duration, and any fixed order."""
-    return -record.dt, record.duration, record.acceleration.tobytes()
 
 
 def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
