@@ -27,12 +27,14 @@ SETS = {
 }
 """Files of the sets."""
 EARTHQUAKES = (
-    "San Fernando 1971-02-09; Friuli, Italy 1976-05-06; Gazli, USSR 1976-05-17; Imperial Valley 1979-10-15; "
-    "Irpinia, Italy 1980-11-23; Nahanni, Canada 1985-12-23; Superstition Hills 1987-11-24; "
-    "Loma Prieta 1989-10-18; Manjil, Iran 1990-06-20; Erzican, Turkey 1992-03-13; Landers 1992-06-28; "
-    "Cape Mendocino 1992-04-25; Northridge 1994-01-17; Kobe, Japan 1995-01-16; Hector Mine 1999-10-16; "
-    "Kocaeli, Turkey 1999-08-17; Chi-Chi, Taiwan 1999-09-20; Duzce, Turkey 1999-11-12; Denali, Alaska 2002-11-03"
-).split("; ")
+    *("San Fernando 1971-02-09", "Friuli, Italy 1976-05-06", "Gazli, USSR 1976-05-17"),
+    *("Imperial Valley 1979-10-15", "Irpinia, Italy 1980-11-23", "Nahanni, Canada 1985-12-23"),
+    *("Superstition Hills 1987-11-24", "Loma Prieta 1989-10-18", "Manjil, Iran 1990-06-20"),
+    *("Erzican, Turkey 1992-03-13", "Cape Mendocino 1992-04-25", "Landers 1992-06-28"),
+    *("Northridge 1994-01-17", "Kobe, Japan 1995-01-16", "Kocaeli, Turkey 1999-08-17"),
+    *("Chi-Chi, Taiwan 1999-09-20", "Hector Mine 1999-10-16", "Duzce, Turkey 1999-11-12"),
+    "Denali, Alaska 2002-11-03",
+)
 """Earthquakes of the sets with their dates in universal time. The sets name some of them differently."""
 _MISSING = f"the records of FEMA P695 need an extra: {install('records')}"
 
