@@ -40,7 +40,7 @@ def found() -> Fragility:
 def test_shares_of_a_fragility_count_single_runs(found):
     unit = GRAVITY * float(STATUE.slenderness)
     for i, stripe in enumerate(found.stripes):
-        scenes = [tpd.Scene(STATUE, record.scaled_to(pga=stripe * unit)) for record in RECORDS]
+        scenes = [tpd.Scene(STATUE, record.scaled(stripe * unit / record.pga)) for record in RECORDS]
         for with_it, curve in ((None, found.without_pendulum), (PENDULUM, found.with_pendulum)):
             ends = [tpd.status_name(tpd.transient(scene, with_it).status) for scene in scenes]
             assert curve["overturned"].counts[i] == ends.count("overturned")

@@ -118,7 +118,7 @@ optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary 
 optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number below
 job block.widht = 1.0 | there is no key `widht` in [block]; did you mean `width`?
 job blok.width = 1.0 | there is no table [blok]; did you mean `blo
-job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
+job block.width = 2020-01-01 | `block.width` must be a number, but is 2020-01-01
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
@@ -198,7 +198,7 @@ optimise --amplitudes 100 120 | [excitation] `amplitude` and `frequency` give
 optimise --band 2250 2750 | are they in m and Hz?
 optimise OWN | `cavity_width` must be given, but is missing. It is the distance in m between the walls
 response BOB --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
-response BOB --amplitude 50 --frequency 1 | give 201 g: are they in m and Hz?
+response BOB --amplitude 50 --frequency 1 | at most 10 g, but is 201 g: are they in m and Hz?
 map BOB X --y amplitude 5 50 | whose acceleration must be at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
 check BOB OWN | `cavity_width` must be given, but is missing. It is the distance in m between the
