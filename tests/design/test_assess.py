@@ -111,7 +111,7 @@ def test_the_isolation_period_follows_from_the_response_spectrum():
 STATUE = tpd.Block(width=0.55, height=1.8, mass=700.0, cavity_width=0.3)
 PAIR = {
     "conditions": tpd.Conditions.records(
-        [tpd.records.el_centro(), tpd.records.loma_prieta()], [0.45], intensity="pga_g"
+        [tpd.records.el_centro(), tpd.records.loma_prieta()], [0.45], intensity="pga"
     )
 }
 

@@ -178,7 +178,7 @@ class Hazard:
         # In a range H = exp(y0 - m (x - x0)) with x = ln s. Multiplied by the density of the curve, this is
         # again a normal density over z = (x - ln theta)/beta, shifted by m beta. The first and the last range
         # have one end.
-        x, y = np.log(self.levels), np.log(self.rates)
+        x, y = np.log(self.levels), np.log(np.array(self.rates))
         m = -np.diff(y) / np.diff(x)
         m, x0, y0 = np.concatenate([m[:1], m, m[-1:]]), np.append(x[0], x), np.append(y[0], y)
         m, x, x0, y0 = (number.reshape((1,) * (theta.ndim - 1) + (-1,)) for number in (m, x, x0, y0))
