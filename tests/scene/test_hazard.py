@@ -90,6 +90,10 @@ def test_the_unit_of_a_hazard_follows_from_its_intensity():
         SITE.factor(spectral.measure)
 
 
+def test_a_very_steep_hazard_is_allowed():
+    assert tpd.Hazard(levels=[0.01, 0.0101], rates=[1e-2, 1e-5]).rates == (1e-2, 1e-5)
+
+
 def test_return_periods_and_probabilities_become_rates():
     levels = [0.07, 0.16, 0.33]
     of = tpd.Hazard(levels=levels, probabilities=[0.5, 0.1, 0.02], years=50)

@@ -17,6 +17,7 @@ from tpd.answers.run_table import CASE_KEYS
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import files
+from tpd.core.checks import PLAUSIBLE
 from tpd.core.progress import Bar
 from tpd.design.job import Job
 from tpd.records.intensity import intensity_of, measure_of
@@ -33,7 +34,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     """Simulate all motions, print the medians, write tables and pictures, and return the exit status."""
     job, pendulum = case
     scene, motions, scales = job.scene, job.ground_motions, job.full["excitation"]["scales"]
-    intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
+    most, _ = PLAUSIBLE.get(job.intensity, (8.0, ""))
+    intensities = np.linspace(most / 16.0, most, 20) if scales is None else np.array(scales)
     # The header compares the strongest motion with the acceleration that lifts the block.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
     if (hazard := job.hazard) is not None:

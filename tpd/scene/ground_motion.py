@@ -152,7 +152,8 @@ def copy_factor(first: GroundMotion, second: GroundMotion) -> float:
     (s, b), (h, a) = sorted(((float(m.piece), np.asarray(m.acceleration)) for m in pair), key=lambda x: x[0])
     times, at, has_steps = s * np.arange(len(b)), h * np.arange(len(a)), h - s > 1e-6 * h
     # Copies begin or end together, or have their peaks at one time. Another step shifts the peak.
-    peaks, most = s * np.argmax(np.abs(b)) - h * np.argmax(np.abs(a)), math.ceil(h / s) if has_steps else 0
+    most = min(math.ceil(h / s), 50) if has_steps else 0
+    peaks = s * np.argmax(np.abs(b)) - h * np.argmax(np.abs(a))
     shifts = np.array([0.0, times[-1] - at[-1], *(peaks + s * np.arange(-most, most + 1))])
     # A few samples exclude most pairs. The correlation of two components of one station is below 0.6. Another
     # step leaves 0.956, and rounding to three digits 0.9999.

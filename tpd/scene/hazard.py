@@ -20,8 +20,8 @@ MOST_DISPERSION = 10.0
 _FREQUENT = 0.004
 """Annual rate of the last level from which a warning appears. Published curves reach return periods of 475
 years."""
-_UNUSUAL, _IMPOSSIBLE = 2e-4, 1e-3
-"""Annual rates at which the ground exceeds an implausible level: a larger rate is unusual, or impossible."""
+_UNUSUAL, _IMPOSSIBLE = 5000.0, 1000.0
+"""Return periods of an implausible level: a shorter one is unusual, or impossible."""
 _WAYS = ("rates", "return_periods", "probabilities")
 """Fields of which exactly one states how often a level is exceeded."""
 
@@ -92,16 +92,15 @@ class Hazard:
         usual, unit = checks.PLAUSIBLE[self.intensity]
         x, y, at = np.log(levels), np.log(rates), np.log(usual)
         i = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
-        often = float(np.exp(y[i] + (y[i] - y[i - 1]) / (x[i] - x[i - 1]) * (at - x[i])))
+        years = np.exp(min((y[i] - y[i - 1]) / (x[i] - x[i - 1]) * (x[i] - at) - y[i], 100.0))
         wrong = f"at this site the {self.measure.quantity} exceeds {usual:g} {unit} once in"
-        text = f"{wrong} {number(1.0 / often, 3)} years, which is implausible: are `levels` in {unit}?"
-        if often > _IMPOSSIBLE:
+        text = f"{wrong} {number(years, 3)} years, which is implausible: are `levels` in {unit}?"
+        if years < _IMPOSSIBLE:
             raise ValueError(text)
-        is_frequent = rates[0] > 1.0 or rates[-1] > _FREQUENT
-        if is_frequent:
+        if rates[0] > 1.0 or rates[-1] > _FREQUENT:
             wrong = f"the ground exceeds the levels {checks.shown(rates)} times a year"
-            text = f"{wrong}: are the `rates` probabilities in many years?"
-        if is_frequent or often > _UNUSUAL:
+            warnings.warn(f"{wrong}: are the `rates` probabilities in many years?", stacklevel=3)
+        elif years < _UNUSUAL:
             warnings.warn(text, stacklevel=3)
 
     def _yearly(self, shape: tuple[int, ...]) -> np.ndarray:
