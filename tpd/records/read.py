@@ -144,17 +144,14 @@ def read_motions(
         usual = f"usual are {low:g} to {high:g} g"
         wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
-    if marks := [record.source or record.name for record, _, _ in unique if _has_marks(record)]:
-        wrong = "the largest sample has only nines and is repeated. Is it a mark of missing data?"
-        messages.append(f"warning: {wrong} {'; '.join(marks)}")
+    for record, _, _ in unique:
+        a = np.abs(record.acceleration)
+        # A mark of missing data has only nines in m/s^2, cm/s^2 or g.
+        digits = (f"{a.max() / unit:.6g}".replace(".", "").strip("0") for unit in (1.0, STANDARD_GRAVITY))
+        if np.sum(a > 0.999999 * a.max()) > 1 and any(re.fullmatch("9{3,}", x) for x in digits):
+            wrong = "the largest sample has only nines and is repeated. Is it a mark of missing data?"
+            messages.append(f"warning: {wrong} {record.source or record.name}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
-
-
-def _has_marks(record: Record) -> bool:
-    """Whether the largest sample occurs several times, and has only nines in m/s^2, cm/s^2 or g."""
-    a = np.abs(record.acceleration)
-    digits = (f"{a.max() / unit:.6g}".replace(".", "").strip("0") for unit in (1.0, STANDARD_GRAVITY))
-    return int(np.sum(a > 0.999999 * a.max())) > 1 and any(re.fullmatch("9{3,}", x) for x in digits)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
