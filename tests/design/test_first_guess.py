@@ -65,5 +65,5 @@ def test_a_space_that_excludes_the_length_of_the_rule_has_no_first_guess(harmoni
     space = tpd.DesignSpace(length_ratio=(0.01, 0.02))
     shorter = problem_of(problem.scene, space=space, limits=problem.limits)
     assert first_guess(shorter) is None
-    assert follow_guess(shorter, 0) is None
+    assert follow_guess(shorter, harmonic.runs) is None
     assert first_guess(NoisyProblem.of()) is None

@@ -13,15 +13,15 @@ from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.assess import needless
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
+from tpd.design.reasons import reduction
 from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
-from tpd.report import answer, summary, words
+from tpd.report import summary, words
 from tpd.report.blocks import wrapped
 from tpd.report.files import ENGINE, add_section
 from tpd.scene.scene import Pendulum
@@ -91,7 +91,7 @@ def _check_by_models(
             table += [*wrapped(_OVERTURNED), ""]
     # A report without a pendulum is right only if the block needs none under all conditions of the job.
     if (status := problem.needs_none) is not None:
-        return [*table, *wrapped(needless(problem))], status.is_sound
+        return [*table, *wrapped(problem.needless)], status.is_sound
     if pendulum is None:
         return [*table, "NOT RECOMMENDED: the report has no pendulum."], False
     # `thorough` simulates the validation runs also for a pendulum that exceeds a limit, which a search skips.
@@ -103,7 +103,7 @@ def _check_by_models(
         # Sliding comes first, because the runs do not describe a base that slides.
         sentences.sort(key=lambda text: not text.startswith(SLIDES))
         sentences += [
-            f"{runs.description}: {words.reduction(runs, validation.measure)}.",
+            f"{runs.description}: {reduction(runs, validation.measure)}.",
             f"{words.exceeding(validation.over_limit, problem.allowed)}.",
         ]
         if runs.undecided:
@@ -113,9 +113,10 @@ def _check_by_models(
         sentences += [words.group(part) for part, _ in zip(runs.parts, problem.groups, strict=False)]
         sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
         sentences += [f"{text}." for text in problem.yearly(runs.annual_rates)]
-    verdict = answer.verdict_lines(validation.status, validation.refusals)
-    before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
-    return [*table, *before, "", *after], validation.status.is_sound
+    status, reasons = validation.status, validation.refusals or problem.missing
+    before = [line for text in sentences for line in wrapped(text)]
+    after = [line for text in status.other(reasons) for line in wrapped(text, "  reason      ", " " * 14)]
+    return [*table, *before, "", *after, *wrapped(status.headline(reasons))], status.is_sound
 
 
 def _check_by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve_problem
+from tpd.design.reasons import VALIDATED
 from tpd.report import answer
 from tpd.report.blocks import Summary
 from tpd.report.files import write
@@ -30,9 +31,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
     with Bar() as bar:
         design, points = solve_problem(problem, bar), ()
-        # Lighter pendulums make sense only beside a pendulum that is recommended.
-        is_recommended = design.pendulum is not None and design.status.name == "recommended"
-        if job.full["search"]["pareto"] and is_recommended:
+        # Lighter pendulums make sense only beside a pendulum that passes the validation.
+        if job.full["search"]["pareto"] and design.status in VALIDATED:
             points = front(design, progress=bar)
         # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)

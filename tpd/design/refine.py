@@ -320,7 +320,8 @@ class Refinement:
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
-        every = self._eligible(rejected)
+        # A design that exceeds a limit by more is no pendulum that the validation should call a danger.
+        every = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NEARLY]
         return min(every, key=self._excess_of).design if every else None
 
     def compare(self, design: np.ndarray) -> None:

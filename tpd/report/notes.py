@@ -12,9 +12,10 @@ from tpd.core.formatting import compared, percent, with_and_without
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
+from tpd.design.reasons import reduced
 from tpd.limits import Clearance, limit_of
 from tpd.report.blocks import Note, danger, note
-from tpd.report.words import exceeding, finite_max, overturned_between, reduced
+from tpd.report.words import exceeding, finite_max, overturned_between
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
 from tpd.theory.no_uplift import SLIDES
