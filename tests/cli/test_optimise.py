@@ -60,7 +60,7 @@ def run_with(monkeypatch, tmp_path):
 def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_with, tmp_path):
     (tmp_path / "small.toml").write_text(BAND)
     done, inputs = run_with(harmonic(), "--scene small.toml --seed 3")
-    assert (done.status, inputs["seed"]) == (0, 3)
+    assert (done.status, inputs["seed"]) == (3, 3)
     assert done.files.keys() >= DATA
     assert len(done.out.splitlines()) <= 43
     header, answer = done.out.split("\n\n", maxsplit=1)

@@ -7,8 +7,7 @@ from functools import partial
 
 from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
-from tpd.core import files
-from tpd.core.progress import Bar, say
+from tpd.core import files, progress
 from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve_problem
 from tpd.design.reasons import VALIDATED
@@ -29,7 +28,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     files.today()
     if not (options.quiet or options.json):
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
-    with Bar() as bar:
+    with progress.shown(not options.quiet) as bar:
         design, points = solve_problem(problem, bar), ()
         # Lighter pendulums make sense only beside a pendulum that passes the validation.
         if job.full["search"]["pareto"] and design.status in VALIDATED:
@@ -40,7 +39,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     lines = max(_FEWEST_LINES, answer.MOST - len(messages))
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     show = partial(_show, options, lines)
-    how = {"then": show, "warn": lambda message: say(f"tpd: {message}")}
+    how = {"then": show, "warn": lambda message: progress.say(f"tpd: {message}")}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 

@@ -6,11 +6,15 @@ import enum
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import compared, ends, number, percent
 from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Limit, Reserve, Worsening
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
+
+if TYPE_CHECKING:
+    # This module loads JAX, and the commands read a design before they wait for that.
+    from tpd.answers.paired import PairedRuns
 
 
 class DesignStatus(enum.Enum):
