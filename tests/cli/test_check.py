@@ -129,5 +129,6 @@ def test_a_bob_heavier_as_built_than_the_mass_limit_is_rejected(tmp_path, walls)
     text = " ".join(done.out.split())
     assert done.status == 3
     assert text.endswith(
-        "NOT RECOMMENDED: the design exceeds the limit on mass (bob as built): 613 kg, but at most 560 is allowed."
+        "NOT RECOMMENDED: the design exceeds the limit on mass (bob as built): 613 kg, but at most 560 is "
+        "allowed."
     )

@@ -29,7 +29,7 @@ from tpd.answers.statistics import (
 )
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed, ends
+from tpd.core.formatting import Printed, aligned, ends
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_without_pendulum
@@ -471,14 +471,13 @@ class PairedRuns(Printed):
     def table(self) -> str:
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
-        lines = [f"{cases[0].equations.value + ' equations':36}{'with pendulum':>26}{'without':>26}"]
+        rows = [(f"{cases[0].equations.value} equations", "with pendulum", "without")]
         # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
-            lines.append(f"{name:36}{first:>26}{'' if name.startswith('bob') else second:>26}".rstrip())
+            rows.append((name, first, "" if name.startswith("bob") else second))
         if self.undecided:
-            counts = (f"{int(o.is_unanswered.sum()):>26}" for o in cases)
-            lines.append(f"{UNANSWERED_ROW:36}{''.join(counts)}")
-        return "\n".join(lines)
+            rows.append((UNANSWERED_ROW, *(str(int(o.is_unanswered.sum())) for o in cases)))
+        return "\n".join(aligned(rows))
 
     def __str__(self) -> str:
         return "\n".join([self.table(), self.benefit_in_words, self.overturning_in_words])
