@@ -243,7 +243,7 @@ def _as_html(content: str) -> str:
     for is_table, group in groupby(lines, lambda cells: len(cells) > 2):
         rows = list(group)
         if not is_table:
-            out.append(f"<p>{' '.join(' '.join(cells) for cells in rows).strip()}</p>")
+            out.append(f"<p>{'<br>'.join(' '.join(cells) for cells in rows)}</p>")
             continue
         # The first heading of a table can be empty.
         count = max(map(len, rows))
