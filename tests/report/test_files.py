@@ -103,7 +103,8 @@ class Verdict(SimpleNamespace):
     """Answer of an engine."""
 
     def __str__(self) -> str:
-        return f"table of {self.engine} & more\n\n           first  second  third\nrow of a   1.0     2.0    3.0\n\nEnd."
+        table = "        first  second  third\nrow of   1.0     2.0    3.0"
+        return f"table of {self.engine} & more\n\n{table}\n\nEnd."
 
 
 def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):

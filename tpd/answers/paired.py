@@ -253,7 +253,8 @@ class PairedRuns(Printed):
             falls = (without - with_pendulum) / size
             # The mean of these numbers is the reduction, and their scatter is that of the ratio.
             influences.append(falls - falls.mean() * (without - mean) / size if rows.any() else falls)
-        return change(*influences, self._clusters(rows))
+        these, others = influences
+        return change(these, others, self._clusters(rows))
 
     def _pair(self, measure: str) -> np.ndarray:
         """Return the measure of each counted run with and without the pendulum, shape (2, counted runs)."""
@@ -471,12 +472,12 @@ class PairedRuns(Printed):
     def table(self) -> str:
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
-        rows = [(f"{cases[0].equations.value} equations", "with pendulum", "without")]
+        rows = [[f"{cases[0].equations.value} equations", "with pendulum", "without"]]
         # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
-            rows.append((name, first, "" if name.startswith("bob") else second))
+            rows.append([name, first, "" if name.startswith("bob") else second])
         if self.undecided:
-            rows.append((UNANSWERED_ROW, *(str(int(o.is_unanswered.sum())) for o in cases)))
+            rows.append([UNANSWERED_ROW, *(str(int(o.is_unanswered.sum())) for o in cases)])
         return "\n".join(aligned(rows))
 
     def __str__(self) -> str:

@@ -403,8 +403,7 @@ class Problem(ABC):
 
     @property
     def missing(self) -> list[str]:
-        """What the search leaves out although a design that is to be built needs it, as sentences without a
-        full stop."""
+        """Sentence on what the search leaves out although a design to be built needs it; empty if nothing."""
         parts = ["considered only one excitation"] * (len(self.conditions) == 1)
         parts += ["assumed a bob without size and no walls"] * (limit_of(self.limits, Clearance) is None)
         return [f"the search {' and '.join(parts)}"] if parts else []
