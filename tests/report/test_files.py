@@ -121,10 +121,7 @@ def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):
         assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
         assert text.count("Independent contact engine\n") == 1
         # A table of the text is a table of the page.
-        assert (
-            "<tr><th></th><th>first</th><th>second</th><th>third</th></tr>\n<tr><td>row of a</td><td>1.0</td>"
-            in page
-        )
+        assert "<th></th><th>first</th><th>second</th><th>third</th></tr>\n<tr><td>row of</td>" in page
         assert "<p><br>End.</p>" in page
         assert page.count('<p class="danger">') == bool(warning)
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")

@@ -152,8 +152,7 @@ _DISTURBED = Need("a share `ensemble.disturbed` above 0", lambda full: full["ens
 _SIZED = Need(
     "`excitation.intensity` scale, or no `excitation.scales`",
     lambda full: (
-        full["excitation"]["kind"] != "records"
-        or full["excitation"]["scales"] is None
+        None in (full["excitation"]["records"], full["excitation"]["scales"])
         or full["excitation"]["intensity"] == "scale"
     ),
 )

@@ -209,8 +209,8 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
         for name, width in design.problem.scatter.items()
     }
     # The runs scatter about every condition. Under ground motions the conditions are levels.
-    for name, factors in design.conditions.factors.items():
-        if (low := factors.min()) < (high := factors.max()) and not design.conditions.motions:
+    for name, factors in design.conditions.factors.items() if "conditions" in design.problem.pictures else ():
+        if (low := factors.min()) < (high := factors.max()):
             validated[name] = f"{100.0 * (low - 1.0):+.0f} to {100.0 * (high - 1.0):+.0f} %"
     rows = tuple(
         (
