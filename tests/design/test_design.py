@@ -71,6 +71,23 @@ def test_without_a_feasible_design_the_nearest_trial_is_printed():
     assert found.risks[1] == found.trials.without_pendulum
 
 
+class Swings(NoisyProblem):
+    """In runs of the nonlinear equations the bob swings by further 110 %."""
+
+    def trial_runs(self, design, seed, equations="linear"):
+        runs, more = super().trial_runs(design, seed, equations), 2.1 if equations == "nonlinear" else 1.0
+        return dataclasses.replace(runs, swing=more * runs.swing, settled_swing=more * runs.settled_swing)
+
+
+def test_a_pendulum_far_beyond_a_limit_is_not_validated():
+    """The trials alone keep the limit, and all compared designs exceed it by more than 5 %."""
+    found = solve_problem(Swings(**NoisyProblem.of().inputs))
+    assert (found.status, found.validated) == (DesignStatus.none_feasible, ())
+    assert not found.is_harmful
+    assert found.verdict.startswith("NOT RECOMMENDED: the design exceeds the limit on stroke: 0.")
+    assert found.verdict.endswith(" rad, but at most 0.5 is allowed.")
+
+
 def test_only_harmonic_designs_have_settled_motions_and_a_model_check(harmonic, ground):
     without_pendulum, with_pendulum = harmonic.exact_motions
     assert without_pendulum is harmonic.problem.without_pendulum
@@ -106,5 +123,8 @@ def test_a_rejection_lists_the_inputs_that_could_change_it():
     assert "fixed damping ratio" in found.remedy
     assert found.remedy in str(found)
     assert all(bound in found.remedy for bound in found.at_bounds)
+    # A bound is named by its own value, and not by the value of a design near it.
+    ends = found.space.ends.ravel().tolist()
+    assert all(float(bound.split(", ")[1].split()[0]) in ends for bound in found.at_bounds)
     assert solve_problem(NoisyProblem.of(limits=())).remedy == ""
     assert solve_problem(NoisyProblem.of(calm=True)).remedy == ""

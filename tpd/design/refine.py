@@ -431,7 +431,9 @@ class Refinement:
         order, designs, names = self.order(), np.array(self.designs), tuple(self.fixed)
         sizes = np.column_stack([np.empty((len(designs), 0)), *self.fixed.values()])
         for column, name in zip(sizes.T, names, strict=True):
-            by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf)) for s in self.sizes]
+            # The comparisons show by how much trials underestimate a quantity.
+            more = self._shift(name) if name in self.limits else 0.0
+            by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf) + more) for s in self.sizes]
             np.maximum(column, by_runs, out=column)
         # If no trend could be fitted, only the validation can show whether a design keeps the limits.
         feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.merit is None))
