@@ -12,7 +12,7 @@ import numpy as np
 from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
-from tpd.core.formatting import Printed, number, percent
+from tpd.core.formatting import Printed, number
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduction
 from tpd.design.refine import Trials, WiderBound
@@ -302,17 +302,14 @@ class Design(Printed):
         return self.problem.inputs | changed
 
     def __str__(self) -> str:
-        lines, pendulum, runs = [f"{'DANGER: ' * self.is_danger}{self.verdict}"], self.pendulum, self.runs
+        lines, pendulum = [f"{'DANGER: ' * self.is_danger}{self.verdict}"], self.pendulum
         if pendulum is not None:
             size = f"{pendulum.mass:.4g} kg on a rod of {pendulum.length:.4g} m"
             lines.append(
                 f"  pendulum    equivalent point mass {size}, damping ratio {pendulum.damping_ratio:.3g}"
             )
-        if runs is not None:
-            share = runs.change("overturned")
-            pendulum_share, without = (percent(x, 1) for x in share[1:3])
-            lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
-            lines.append(f"  overturned  {pendulum_share} with the pendulum, {without} without it")
+        if self.runs is not None:
+            lines.append(f"  benefit     {self.runs.benefit_in_words}; {self.runs.description}")
         lines += [f"  reason      {text}" for text in self.status.other(self.refusals)[:_MOST_REASONS]]
         lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)
