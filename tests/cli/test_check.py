@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+import tpd
 from tests.cli.conftest import call, design_json
 from tpd.cli.new import template
 from tpd.design import job as jobs
@@ -11,6 +12,8 @@ from tpd.design import job as jobs
 CHIMNEY = template("chimney") + "\n[ensemble]\nsize = 1024\n"
 SUITABLE = "--pendulum-mass 540 --pendulum-length 0.515 --pendulum-damping 0.5981"
 """Pendulum a little lighter than the one that `tpd optimise` recommends for this chimney."""
+SMALL = "--pendulum-mass 1.5 --pendulum-length 0.12"
+"""Pendulum of the block of the paper."""
 TOUCHING = "--pendulum-mass 774.3 --pendulum-length 0.5733 --pendulum-damping 0.5941"
 """Best pendulum for motions from rest. From other initial states it touches a wall in many runs."""
 
@@ -96,6 +99,29 @@ def test_check_accepts_a_mass_limit_below_the_design_space(tmp_path):
     done = call("check", "--scene", str(tmp_path / "job.toml"), SUITABLE)
     assert done.status == 3
     assert "limit on mass (bob as built): 613 kg, but at most 60 is allowed" in " ".join(done.out.split())
+
+
+def test_an_engine_follows_one_record_and_its_answer_is_written(run, monkeypatch):
+    scenes = []
+
+    class Found:
+        warning, benefit, engine = "", 0.1, "MuJoCo"
+
+        def __str__(self):
+            return "a table"
+
+    def follow(scene, pendulum, **_):
+        scenes.append(scene)
+        return Found()
+
+    monkeypatch.setattr("tpd.cli.check.mujoco", follow)
+    done = run("check --engine mujoco --record el-centro --scale 2", SMALL)
+    assert done.status == 0, done.err
+    assert scenes[0].excitation.pga == pytest.approx(2.0 * tpd.records.el_centro().pga)
+    assert done.files["check.txt"].read_text() == "a table\n"
+    done = run("check --engine mujoco --records el-centro loma-prieta --scales 2 --overwrite", SMALL)
+    assert (done.status, len(scenes)) == (2, 1)
+    assert "the job has 2 records" in done.err
 
 
 def test_check_of_a_stored_design_equals_check_of_its_pendulum(suitable, tmp_path):

@@ -51,7 +51,7 @@ def _show(options: argparse.Namespace, lines: int, summary: Summary) -> None:
     elif options.verbose:
         text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
     elif options.quiet:
-        text = f"{summary.verdict.text}\n{options.out}"
+        text = f"{summary.verdict.marked}\n{options.out}"
     else:
         text = "\n" + answer.in_lines(summary, lines)
     print_answer(text)
