@@ -111,7 +111,7 @@ def test_the_isolation_period_follows_from_the_response_spectrum():
 @pytest.mark.parametrize(
     ("friction", "width", "is_offered"), [(0.5, 1.9, True), (1.01, 1.9, False), (0.5, 2.01, False)]
 )
-def test_a_base_that_nobody_builds_is_no_alternative(friction, width, is_offered):
+def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
     said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
     assert ("a base at least" in said) is is_offered
     assert said.endswith("; no wider base prevents uplift") is not is_offered
