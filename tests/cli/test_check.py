@@ -101,7 +101,7 @@ def test_check_accepts_a_mass_limit_below_the_design_space(tmp_path):
     assert "limit on mass (bob as built): 613 kg, but at most 60 is allowed" in " ".join(done.out.split())
 
 
-def test_an_engine_follows_a_single_record_and_check_writes_the_answer(run, monkeypatch):
+def test_an_engine_follows_a_single_record_and_check_writes_a_file(run, monkeypatch):
     scenes = []
 
     class Found:
