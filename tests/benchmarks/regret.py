@@ -40,8 +40,9 @@ UNKNOWN = 1e-3
 SPACES = ("own", "wide", "damping")
 """Design spaces: that of the scene; twice as wide in the logarithm of every bound; damping ratio up to 2."""
 OFFERED = {status.name for status in reasons.OFFERED}
-LIMITS = {reasons.ReasonKind.touches_wall, reasons.ReasonKind.exceeds_limit}
 """Names of the statuses of a design that has a pendulum."""
+LIMITS = {reasons.ReasonKind.touches_wall, reasons.ReasonKind.exceeds_limit}
+"""Kinds of reasons about limits that runs exceed."""
 LARGEST = np.array([1.0, 2.0, 2.0])
 """Largest (mu, lam, zeta) that a design space allows."""
 GENERATIONS = ((256, 64), (256, 48), (512, 48), (512, 32), (1024, 32), (2048, 24))
