@@ -174,6 +174,16 @@ class Limit(_Sized):
     unit: ClassVar[str] = ""
     """Unit of the number in a report."""
 
+    def quantity(self, size: float) -> tuple[float, float]:
+        """Return the limited quantity that has this size, and its limit."""
+        return size, 1.0
+
+    def utilisation(self, size: float) -> float:
+        """Return the limited quantity that has this size, divided by its limit."""
+        quantity, limit = self.quantity(size)
+        # A quantity that does not grow uses nothing of a limit on its increase.
+        return quantity / limit if quantity > 0.0 and limit else np.inf if quantity > 0.0 else 0.0
+
 
 @dataclass(frozen=True)
 class _OneNumber(Limit):
@@ -189,6 +199,11 @@ class _OneNumber(Limit):
         number = self.check(self.name, getattr(self, field.name))
         object.__setattr__(self, field.name, number)
         checks.at_most(self.name, number, *self.most)
+
+    def quantity(self, size: float) -> tuple[float, float]:
+        """See `Limit.quantity`."""
+        (limit,) = vars(self).values()
+        return size * limit, limit
 
 
 @dataclass(frozen=True)
@@ -415,6 +430,10 @@ class Worsening(_OneNumber):
         # Where the reference is unknown the limit has no effect.
         return xp.where(xp.isfinite(without), motion.tilt / most, 0.0)
 
+    def quantity(self, size: float) -> tuple[float, float]:
+        """See `Limit.quantity`: the increase of the tilt, which is negative if the tilt falls."""
+        return (1.0 + self.share) * size - 1.0, self.share
+
 
 @dataclass(frozen=True)
 class Multiplier(_OneNumber):
@@ -459,6 +478,15 @@ class Reserve(_OneNumber):
         # A size has an upper bound, but a reserve has a lower bound: 2 - x/least is at most 1 if x is at
         # least `least`.
         return 2.0 - motion.reserve / self.least
+
+    def quantity(self, size: float) -> tuple[float, float]:
+        """See `Limit.quantity`."""
+        return (2.0 - size) * self.least, self.least
+
+    def utilisation(self, size: float) -> float:
+        """Return the smallest allowed reserve over the reserve, because this limit is a lower bound."""
+        reserve, _ = self.quantity(size)
+        return self.least / reserve if reserve > 0.0 else np.inf
 
 
 LIMIT_KINDS: tuple[type[Limit], ...] = (

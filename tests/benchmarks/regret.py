@@ -41,6 +41,8 @@ SPACES = ("own", "wide", "damping")
 """Design spaces: that of the scene; twice as wide in the logarithm of every bound; damping ratio up to 2."""
 OFFERED = {status.name for status in reasons.OFFERED}
 """Names of the statuses of a design that has a pendulum."""
+LIMITS = {reasons.ReasonKind.touches_wall, reasons.ReasonKind.exceeds_limit}
+"""Kinds of reasons about limits that runs exceed."""
 LARGEST = np.array([1.0, 2.0, 2.0])
 """Largest (mu, lam, zeta) that a design space allows."""
 GENERATIONS = ((256, 64), (256, 48), (512, 48), (512, 32), (1024, 32), (2048, 24))
@@ -364,7 +366,7 @@ def _search_long(ledger: Ledger, name: str, case: Case, space: str) -> None:
     for design in parents[:BEST]:
         result = validate(case.problem(RUNS // 4), design)
         # The true runs decide about the limits, because the validation has fewer runs.
-        is_good = {reason.kind for reason in result.reasons} <= {reasons.ReasonKind.touches_wall}
+        is_good = {reason.kind for reason in result.reasons} <= LIMITS
         status = problem.evidence.name if is_good else result.status.name
         row = ledger.add(name, "best", status=status, **ledger.design(name, case, design))
         shares = f"{row[measure]:.2%} {measure}, {row['over']:.2%} exceed a limit"

@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+import tpd
 from tests.cli.conftest import call, design_json
 from tpd.cli.new import template
 from tpd.design import job as jobs
@@ -11,6 +12,8 @@ from tpd.design import job as jobs
 CHIMNEY = template("chimney") + "\n[ensemble]\nsize = 1024\n"
 SUITABLE = "--pendulum-mass 540 --pendulum-length 0.515 --pendulum-damping 0.5981"
 """Pendulum a little lighter than the one that `tpd optimise` recommends for this chimney."""
+SMALL = "--pendulum-mass 1.5 --pendulum-length 0.12"
+"""Pendulum of the block of the paper."""
 TOUCHING = "--pendulum-mass 774.3 --pendulum-length 0.5733 --pendulum-damping 0.5941"
 """Best pendulum for motions from rest. From other initial states it touches a wall in many runs."""
 
@@ -84,16 +87,41 @@ def test_the_seed_changes_the_runs_of_a_check(check, suitable):
 def test_the_last_sentence_states_the_reason_for_the_rejection(check):
     status, lines = check(TOUCHING)
     assert status == 3
-    assert last_paragraph(lines).startswith("NOT RECOMMENDED: the pendulum exceeds the limit on clearance")
-    # Without walls there is no limit on the clearance.
-    assert "exceeds the limit on clearance" not in "".join(check(TOUCHING, "--no-walls")[1])
+    assert last_paragraph(lines).startswith("NOT RECOMMENDED: the bob touches a wall in")
+    # Without walls there is no limit on the clearance, and the pendulum is not to be built.
+    status, lines = check(TOUCHING, "--no-walls")
+    assert status == 3
+    assert last_paragraph(lines).startswith("NOT TO BE BUILT AS IT IS: the search assumed a bob without size")
 
 
 def test_check_accepts_a_mass_limit_below_the_design_space(tmp_path):
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
     done = call("check", "--scene", str(tmp_path / "job.toml"), SUITABLE)
     assert done.status == 3
-    assert "limit on mass (bob as built): 10.2 times the limit" in " ".join(done.out.split())
+    assert "limit on mass (bob as built): 613 kg, but at most 60 is allowed" in " ".join(done.out.split())
+
+
+def test_an_engine_follows_a_single_record_and_check_writes_a_file(run, monkeypatch):
+    scenes = []
+
+    class Found:
+        warning, benefit, engine = "", 0.1, "MuJoCo"
+
+        def __str__(self):
+            return "a table"
+
+    def follow(scene, pendulum, **_):
+        scenes.append(scene)
+        return Found()
+
+    monkeypatch.setattr("tpd.cli.check.mujoco", follow)
+    done = run("check --engine mujoco --record el-centro --scale 2", SMALL)
+    assert done.status == 0, done.err
+    assert scenes[0].excitation.pga == pytest.approx(2.0 * tpd.records.el_centro().pga)
+    assert done.files["check.txt"].read_text() == "a table\n"
+    done = run("check --engine mujoco --records el-centro loma-prieta --scales 2 --overwrite", SMALL)
+    assert (done.status, len(scenes)) == (2, 1)
+    assert "the job has 2 records" in done.err
 
 
 def test_check_of_a_stored_design_equals_check_of_its_pendulum(suitable, tmp_path):
@@ -127,5 +155,6 @@ def test_a_bob_heavier_as_built_than_the_mass_limit_is_rejected(tmp_path, walls)
     text = " ".join(done.out.split())
     assert done.status == 3
     assert text.endswith(
-        "NOT RECOMMENDED: the design exceeds the limit on mass (bob as built): 1.1 times the limit."
+        "NOT RECOMMENDED: the design exceeds the limit on mass (bob as built): 613 kg, but at most 560 is "
+        "allowed."
     )

@@ -158,10 +158,14 @@ def test_the_sensitivity_varies_each_quantity_to_both_sides(harmonic, rejected):
     assert found[""].low == found[""].high
     assert all(s.low != found[""].low for name, s in found.items() if name)
     cases = losses_of(harmonic)
-    assert [case.name for case in cases] == ["friction", "impacts", "friction and impacts"]
-    # The first is the scene itself.
-    assert cases[0].runs.benefit.mean == pytest.approx(found[""].low.mean, abs=1e-12)
-    assert [case.velocity_ratio < 1.0 for case in cases] == [False, True, True]
+    assert [case.name for case in cases] == ["impacts", "friction and impacts"]
+    assert [case.velocity_ratio < 1.0 for case in cases] == [True, True]
+    for case in cases:
+        assert case.difference.low < case.difference.mean < case.difference.high
+    tilt = cases[0].runs.reduction_minus(cases[1].runs, "tilt")
+    assert tilt.mean == pytest.approx(cases[0].runs.benefit.mean - cases[1].runs.benefit.mean, abs=1e-12)
+    same = cases[0].runs.reduction_minus(cases[0].runs, "overturning")
+    assert same.mean == 0.0 < same.high
     assert sensitivity_of(rejected) == losses_of(rejected) == ()
 
 
@@ -177,7 +181,7 @@ def test_the_sensitivity_under_records_uses_the_validation_records(ground):
     found = {s.name: s for s in sensitivity_of(ground)}
     assert set(found) == {
         "",
-        "restitution",
+        "impact_loss",
         *["slenderness", "amplitude", "frequency", "mass", "length", "damping"],
     }
     assert build_of(ground).lifts is None

@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests import designs
 from tests.design.conftest import SCENE
-from tpd.design.assess import alternatives, problem_alone
+from tpd.design.assess import Alternatives, alternatives, problem_alone
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
 from tpd.records.intensity import spectral_acceleration
@@ -106,6 +106,15 @@ def test_the_isolation_period_follows_from_the_response_spectrum():
     assert spectral_acceleration(motion, found.isolation) == pytest.approx(alone.uplift * 9.80665, rel=1e-3)
     longer = found.isolation * np.geomspace(1.001, 5.0, 200)
     assert all(spectral_acceleration(motion, t) < alone.uplift * 9.80665 for t in longer)
+
+
+@pytest.mark.parametrize(
+    ("friction", "width", "is_offered"), [(0.5, 1.9, True), (1.01, 1.9, False), (0.5, 2.01, False)]
+)
+def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
+    said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
+    assert ("a base at least" in said) is is_offered
+    assert said.endswith("; no wider base prevents uplift") is not is_offered
 
 
 STATUE = tpd.Block(width=0.55, height=1.8, mass=700.0, cavity_width=0.3)

@@ -12,9 +12,8 @@ from tpd.answers.fragility import fit_lognormal
 from tpd.core.progress import unreported
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
-from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.reasons import DesignStatus, ReasonKind, reduced
 from tpd.design.validate import validate
-from tpd.report import words
 from tpd.scene.ground_motion import earthquakes_of, events_of
 from tpd.scene.hazard import HOW_TO
 
@@ -290,7 +289,7 @@ def test_a_required_rate_determines_the_verdict():
     of = result.decided.annual_rates.ratio
     falls = of.high < 1.0 and 1.0 - of.mean >= 0.1 and 1.0 - of.high >= 0.05
     assert (ReasonKind.too_little_benefit not in {reason.kind for reason in result.reasons}) == falls
-    assert "rate of overturning" in words.reduced(result.decided, "rate")
+    assert "rate of overturning" in reduced(result.decided, "rate")
 
 
 def test_the_job_of_a_problem_contains_its_hazard():

@@ -145,7 +145,8 @@ def test_keys_without_effect_are_not_written():
     assert "scatter" not in tables
     assert not {"risk", "risk_share"} & set(tables["search"])
     assert set(tables["conditions"]) == {"exactly"}
-    assert set(tables["bob"]) == {"shape", "density"}
+    assert "bob" not in tables
+    assert set(jobs.job_of(BAND).tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert tables["excitation"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
     assert {"risk", "risk_share"} & set(jobs.job_of(BAND).tables["search"]) == {"risk"}
@@ -289,6 +290,13 @@ excitation = {RECORDS}; hazard.intensity = "pgv" | [hazard] `levels` must be a v
 excitation = {RECORDS}; hazard = {levels = [1, 2], rates = [2, 3]} | [hazard] `rates` must fall from level t
 excitation = {RECORDS}; hazard = {levels = [1, 2], rates = [2, 1], intensity = "sa"} | [hazard] `period` (s)
 excitation = {RECORDS}; hazard = {levels = [0.1, 0.2], rates = [0.01, 0]} | [hazard] `rates` must be positive
+limits.clearance = false; bob.shape = "cylinder" | `bob.shape` requires a limit on `clearance` in [limits]
+limits.clearance = false; bob.density = 11340 | `bob.density` requires a limit on `clearance` in [limits]
+conditions.exactly = true; bob.density = 11340 | `bob.density` requires a limit on `clearance` in [limits]
+conditions.exactly = true; limits.worsening = 0.1 | `limits.worsening` requires more than the stated motion
+limits = {clearance = false, stroke = false}; requirements.wall_contacts = 0.1 | requires a limit on runs in
+ensemble = {disturbed = 0, swing = 0.1} | `ensemble.swing` requires a share `ensemble.disturbed` above 0
+excitation = {RECORDS, pga = 0.3} | `excitation.pga` requires `excitation.intensity` scale, or no `excitation
 limits.tilt = true | [limits] `tilt` must be a number or false, but is true
 """
 """Jobs, and a part of the sentence that rejects each."""

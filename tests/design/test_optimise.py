@@ -54,7 +54,7 @@ def harmful(count, **given) -> Harmful:
 def test_the_best_design_of_the_trials_is_validated_and_recommended():
     stages = []
     found = solve_problem(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
-    assert found.status is DesignStatus.recommended
+    assert found.status is DesignStatus.not_to_be_built
     (best,) = found.validated
     assert any(np.array_equal(best.design, x) for x in found.trials.designs[:9])
     assert found.pendulum == best.pendulum
@@ -75,7 +75,7 @@ def test_no_two_stages_share_runs():
 
 @pytest.mark.parametrize(
     ("count", "validated", "status"),
-    [(1, 2, "recommended"), (2, 3, "recommended"), (9, 3, "not_recommended")],
+    [(1, 2, "not_to_be_built"), (2, 3, "not_to_be_built"), (9, 3, "not_recommended")],
 )
 def test_the_next_design_is_not_near_a_rejected_design(count, validated, status):
     found = solve_problem(harmful(count))
@@ -147,7 +147,7 @@ def test_ctrl_c_raises_keyboard_interrupt():
 
 
 def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
-    assert harmonic.status is DesignStatus.recommended
+    assert harmonic.status is DesignStatus.not_to_be_built
     best, (low, high) = harmonic.validated[-1], SPACE.bounds
     assert np.all((best.design >= low - 1e-12) & (best.design <= high + 1e-12))
     assert harmonic.pendulum.mass == pytest.approx(best.design[0] * SCENE.block.mass)
@@ -185,14 +185,14 @@ def test_a_rejected_design_has_its_reasons(rejected):
     assert rejected.status is DesignStatus.not_recommended
     assert (rejected.pendulum, rejected.benefit) == (None, None)
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
-    required = "required: a reduction of at least 97.0 %, and an interval that begins above 48.5 %"
+    required = "required: a reduction of at least 97.0 % and an interval that begins above 48.5 %"
     assert required in rejected.refusals[0]
     seeds = [v.decided.with_pendulum.seed for v in rejected.validated]
     assert len(set(seeds)) == len(seeds) > 1
 
 
 def test_validation_earthquakes_are_not_among_the_search_earthquakes(ground):
-    assert ground.status is DesignStatus.recommended
+    assert ground.status is DesignStatus.not_to_be_built
     (best,) = ground.validated
     runs = best.runs
     # The same runs decided, and the quoted interval allows for it.
@@ -401,8 +401,8 @@ class Quakes(NoisyProblem):
 @pytest.mark.parametrize(
     ("count", "helps", "validated", "status"),
     [
-        (0, True, 1, "recommended"),
-        (1, True, 2, "recommended"),
+        (0, True, 1, "not_to_be_built"),
+        (1, True, 2, "not_to_be_built"),
         (2, True, 2, "not_recommended"),
         (1, False, 1, "not_recommended"),
     ],

@@ -13,12 +13,15 @@ SENTENCES = {
     ),
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "clearance"},
-        "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0 % of the surviving runs; at "
-        "most 1.0 % are allowed",
+        "the bob touches a wall in 3.0 % of the surviving runs; at most 1.0 % are allowed",
+    ),
+    ReasonKind.exceeds_limit: (
+        {"value": 0.03, "reference": 0.01, "limit": "stroke"},
+        "the pendulum exceeds the limit on stroke in 3.0 % of the surviving runs; at most 1.0 % are allowed",
     ),
     ReasonKind.breaks_limit: (
-        {"limit": "offset", "value": 1.0364},
-        "the design exceeds the limit on offset (bob from the axis): 1.04 times the limit",
+        {"limit": "offset", "value": 0.31092, "reference": 0.3},
+        "the design exceeds the limit on offset (bob from the axis): 0.311 m, but at most 0.3 is allowed",
     ),
     ReasonKind.worse_condition: (
         {"value": 0.3, "reference": 0.2, "total": 3},
@@ -36,9 +39,10 @@ SENTENCES = {
         "may fall by at most 10 %",
     ),
     ReasonKind.too_little_benefit: (
-        {"value": 0.034, "low": -0.01, "high": 0.078, "reference": 0.1},
-        "the mean tilt falls by 3.4 % (95 % interval -1.0 to 7.8 %); required: a reduction of at least "
-        "10.0 %, and an interval that begins above 5.0 %",
+        {"value": 0.034, "low": -0.01, "high": 0.078, "reference": 0.1}
+        | {"with_pendulum": 0.4347, "without_pendulum": 0.45},
+        "the mean tilt falls by 3.4 %, from 45.0 % to 43.5 % (95 % interval -1.0 to 7.8 %); required: a "
+        "reduction of at least 10.0 % and an interval that begins above 5.0 %",
     ),
     ReasonKind.slides: (
         {"value": 0.517, "reference": 0.4},
@@ -60,6 +64,7 @@ def test_each_reason_makes_one_sentence_with_its_numbers(kind):
 
 NEARLY = {"value": 0.1999, "low": 0.12, "high": 0.28, "reference": 0.2}
 UNSURE = {"value": 0.3, "low": 0.0998, "high": 0.5, "reference": 0.2}
+RISE = {"value": -0.1, "low": -0.3, "high": 0.05, "reference": 0.1}
 WALL = {"value": 0.01004, "reference": 0.01}
 FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
 
@@ -68,14 +73,31 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
     ("kind", "given", "words"),
     [
         ("too_little_benefit", NEARLY, "falls by 19.99 % (95 %"),
-        ("too_little_benefit", NEARLY, "at least 20.00 %, and"),
+        # Only what is missed is required: the reduction, its interval or both.
+        ("too_little_benefit", NEARLY, "required: a reduction of at least 20.00 %$"),
+        ("too_little_benefit", UNSURE, "required: an interval that begins above 10.00 %$"),
+        ("too_little_benefit", {"value": 0.1, "reference": 0.1}, "interval); required: an interval that beg"),
         ("too_little_benefit", UNSURE, "interval 9.98 to 50.0 %); req"),
         ("too_little_benefit", UNSURE, "above 10.00 %"),
         ("too_little_benefit", {"value": -1e-5, "low": -1.0, "reference": 0.0}, "increases by 0.001 %"),
-        ("too_little_benefit", {"value": -0.1, "low": -0.3, "reference": 0.1}, "increases by 10.0 % ("),
+        # The interval is that of the change which the sentence states.
+        ("too_little_benefit", RISE, "increases by 10.0 % (95 % interval -5.0 to 30.0 %)"),
+        ("too_little_benefit", RISE | {"value": 0.1, "low": -0.05, "high": 0.3}, "falls by 10.0 % (95 % int"),
+        ("too_little_benefit", RISE | {"value": 0.1, "low": -0.05, "high": 0.3}, "interval -5.0 to 30.0 %)"),
         ("touches_wall", WALL, "in 1.004 % of the surviving runs"),
         ("touches_wall", WALL, "at most 1.000 % are allowed"),
-        ("breaks_limit", {"value": 1.0003}, "1.0003 times the limit"),
+        ("breaks_limit", {"value": 1.0003, "reference": 1.0}, "1.0003 times the limit"),
+        # A limit on an increase and a lower bound have their own quantities.
+        (
+            "breaks_limit",
+            {"limit": "worsening", "value": 0.26, "reference": 0.05},
+            ": 26.0 % of the tilt without pendulum, but at most 5.0 % is allowed$",
+        ),
+        (
+            "breaks_limit",
+            {"limit": "reserve", "value": 0.03, "reference": 0.05},
+            "reserve: 0.03, but at least 0.05 is allowed$",
+        ),
         ("slides", {"value": 0.3304, "reference": 0.33}, "of 0.3304, but has 0.33"),
         ("worse_condition", {"value": 0.3003, "reference": 0.3, "total": 1}, "30.03 % of the toppling"),
         # All runs have no name, and one condition alone is counted with no others.
@@ -118,7 +140,9 @@ def test_a_reason_prints_enough_digits_to_differ_from_its_limit(kind, given, wor
         ("overturns_more", {"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
         ("rests_less", {"value": 10.0, "reference": 30.0, "low": 27.0, "total": 40}, 0.425),
         ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
-        ("breaks_limit", {"value": 1.2}, 0.2),
+        ("breaks_limit", {"value": 1.2, "reference": 1.0}, 0.2),
+        ("breaks_limit", {"limit": "worsening", "value": 0.26, "reference": 0.05}, 0.2),
+        ("breaks_limit", {"limit": "reserve", "value": 0.04, "reference": 0.05}, 0.2),
         ("undecided", {"value": 3.0, "total": 64}, 1.0),
         # By what is required, or by what may be chance.
         ("too_little_benefit", {"value": 0.08, "low": 0.02, "reference": 0.1}, 0.02),
@@ -148,7 +172,8 @@ def test_every_status_has_a_remedy_and_two_are_sound():
     assert sound == {DesignStatus.recommended, DesignStatus.no_uplift}
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
-    assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8
+    assert not any("require" in status.remedy for status in DesignStatus)
+    assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 9
 
 
 def test_a_reason_explains_an_unknown_rate():

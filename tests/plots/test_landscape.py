@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 
 import tpd
 from tests.plots.shown import legend, lines, words
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.design.trend import fit
 from tpd.plots.style import LABELS, ORANGE
 from tpd.scene.conditions import Conditions
@@ -58,7 +58,14 @@ def test_the_landscape_is_grey_if_the_trials_do_not_determine_the_trend(single):
     x = single.space.unscaled(np.random.default_rng(2).random((60, 2)) * [0.4, 1.0])
     tilt = fit(single.space.logarithms(x), np.sin(900.0 * x[:, 0]))
     trials = dataclasses.replace(single.trials, risk=tilt)
-    assert "trend not known" in legend(tpd.plot(dataclasses.replace(single, trials=trials)))
+    best = dataclasses.replace(single.best, reasons=(Reason(kind=ReasonKind.undecided),))
+    trials = dataclasses.replace(trials, undecided=np.ones_like(single.trials.undecided))
+    ax = tpd.plot(dataclasses.replace(single, trials=trials, validated=(best, single.best)))
+    assert legend(ax) >= {"trend not known", "rejected by the validation", "runs without a result"}
+    ax.figure.canvas.draw()
+    box, whole = ax.get_legend().get_window_extent(), ax.figure.bbox
+    assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
+    assert whole.y0 <= box.y0 <= box.y1 <= whole.y1
 
 
 def test_a_limit_that_needs_no_run_has_an_exact_edge(single):

@@ -124,6 +124,6 @@ def test_the_tolerance_of_restitution_is_stated_for_the_energy_loss():
     block = dataclasses.replace(SCENE.block, restitution=0.95, friction=0.0)
     problem = dataclasses.replace(problem, scene=dataclasses.replace(SCENE, block=block))
     design = dataclasses.replace(harmonic(), problem=problem)
-    varied = (Sensitivity("restitution", 0.5, holds, holds),)
+    varied = (Sensitivity("impact_loss", 0.5, holds, holds),)
     *_, table, _ = construction.section(design, dataclasses.replace(details(), sensitivity=varied))
     assert rows(table)["energy loss of an impact, 1 - e"][0] == "±38 %"

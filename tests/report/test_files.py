@@ -103,7 +103,8 @@ class Verdict(SimpleNamespace):
     """Answer of an engine."""
 
     def __str__(self) -> str:
-        return f"table of {self.engine} & more"
+        table = "        first  second  third\nrow of   1.0     2.0    3.0"
+        return f"table of {self.engine} & more\n\n{table}\n\nEnd."
 
 
 def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):
@@ -119,6 +120,9 @@ def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):
         assert text.startswith(warning or "verdict")
         assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
         assert text.count("Independent contact engine\n") == 1
+        # A table of the text is a table of the page.
+        assert "<th></th><th>first</th><th>second</th><th>third</th></tr>\n<tr><td>row of</td>" in page
+        assert "<p><br>End.</p>" in page
         assert page.count('<p class="danger">') == bool(warning)
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
 

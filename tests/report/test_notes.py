@@ -110,12 +110,6 @@ def test_the_note_on_overturning_names_the_stated_condition():
     assert note.severity is Severity.note
 
 
-def test_a_note_reports_a_share_of_overturning_that_does_not_fall():
-    same = dataclasses.replace(harmonic().runs, with_pendulum=harmonic().runs.without_pendulum)
-    assert said(changed(quoted=same), "the share of runs that overturn does not fall significantly")
-    assert not said(harmonic(), "does not fall significantly")
-
-
 def test_a_note_counts_the_runs_without_a_result():
     runs = harmonic().runs
     outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)

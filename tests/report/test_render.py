@@ -90,7 +90,9 @@ def test_only_the_first_section_is_open_and_dangers_have_a_css_class():
     assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
     assert [at for tag, at in tags if tag == "details"] == [{"open": None}, {}]
     # Pictures are printed in their own size, in which their words have 8 points.
-    assert ".first img { max-height: none; }" in page
+    # Pictures of a printed page are small enough for two, and the pages have numbers.
+    assert "figure img, .first img { max-height: 92mm; }" in page
+    assert "counter(page)" in page
     # A reader of a dark screen gets a dark page. A printed page is always white.
     assert "@media screen and (prefers-color-scheme: dark)" in page
     # Folded on the screen, all sections are printed.

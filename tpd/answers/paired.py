@@ -29,7 +29,7 @@ from tpd.answers.statistics import (
 )
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed, ends
+from tpd.core.formatting import Printed, aligned, ends
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_without_pendulum
@@ -159,7 +159,7 @@ class PairedRuns(Printed):
         kind = f"{self.pairs} paired runs of the {runs.equations.value} equations, seed {runs.seed}"
         if self.cluster is None:
             return kind
-        events = len(np.unique(self.cluster[self._rows]))
+        events = len(np.unique(self.cluster[self.rows]))
         return f"{kind}, {events} earthquake{'s' if events != 1 else ''}"
 
     @cached_property
@@ -172,16 +172,16 @@ class PairedRuns(Printed):
         """Whether each run has an answer in both cases."""
         return ~np.any([runs.is_unanswered for runs in self._cases], axis=0)
 
-    @cached_property
     # The harm counts all answered runs, but the benefit may be restricted to some of them.
-    def _rows(self) -> np.ndarray:
+    @cached_property
+    def rows(self) -> np.ndarray:
         """Whether each run is counted and has an answer in both cases."""
         return self.is_answered if self.counted is None else self.is_answered & self.counted
 
     @property
     def pairs(self) -> int:
         """Number of counted pairs of runs with an answer in both cases."""
-        return int(self._rows.sum())
+        return int(self.rows.sum())
 
     @property
     def undecided(self) -> int:
@@ -228,7 +228,7 @@ class PairedRuns(Printed):
         # A relative reduction of zero overturned runs has no meaning.
         if measure == "overturning" and not without_pendulum.any():
             return Interval(np.nan, np.nan, np.nan)
-        clusters = self._clusters(self._rows)
+        clusters = self._clusters(self.rows)
         # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
         of = fall(with_pendulum, without_pendulum, clusters, least=LEAST if measure == "tilt" else 0.0)
         if self.passed is None:
@@ -242,11 +242,25 @@ class PairedRuns(Printed):
         size = np.sqrt((x @ x) * (y @ y))
         return conditional_interval(of, decided, self.passed.margin, float(x @ y / size) if size else 1.0)
 
+    def reduction_minus(self, other: PairedRuns, measure: str) -> Interval:
+        """Return the reduction of "overturning" or "tilt" in these runs minus the reduction in other runs of
+        the same initial states, and the 95 % interval of the paired difference."""
+        rows, influences = self.rows & other.rows, []
+        for runs in (self, other):
+            with_pendulum, without = replace(runs, counted=rows)._pair(measure)
+            mean = float(np.mean(without)) if rows.any() else np.nan
+            size = max(mean, LEAST if measure == "tilt" else 0.0) or 1.0
+            falls = (without - with_pendulum) / size
+            # The mean of these numbers is the reduction, and their scatter is that of the ratio.
+            influences.append(falls - falls.mean() * (without - mean) / size if rows.any() else falls)
+        these, others = influences
+        return change(these, others, self._clusters(rows))
+
     def _pair(self, measure: str) -> np.ndarray:
         """Return the measure of each counted run with and without the pendulum, shape (2, counted runs)."""
         is_tilt = measure == "tilt"
         values = self.severity if is_tilt else np.array([runs.is_overturned for runs in self._cases], float)
-        return values[:, self._rows]
+        return values[:, self.rows]
 
     @property
     def first_measure(self) -> str:
@@ -290,7 +304,7 @@ class PairedRuns(Printed):
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Changes of mean, median and worst severity, and of the shares of two outcomes."""
-        rows, pair, overturned = self._rows, self._pair("tilt"), self._pair("overturning")
+        rows, pair, overturned = self.rows, self._pair("tilt"), self._pair("overturning")
         rests = np.array([runs.is_at_rest[rows] for runs in self._cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
@@ -458,14 +472,13 @@ class PairedRuns(Printed):
     def table(self) -> str:
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
-        lines = [f"{cases[0].equations.value + ' equations':36}{'with pendulum':>26}{'without':>26}"]
+        rows = [[f"{cases[0].equations.value} equations", "with pendulum", "without"]]
         # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
-            lines.append(f"{name:36}{first:>26}{'' if name.startswith('bob') else second:>26}".rstrip())
+            rows.append([name, first, "" if name.startswith("bob") else second])
         if self.undecided:
-            counts = (f"{int(o.is_unanswered.sum()):>26}" for o in cases)
-            lines.append(f"{UNANSWERED_ROW:36}{''.join(counts)}")
-        return "\n".join(lines)
+            rows.append([UNANSWERED_ROW, *(str(int(o.is_unanswered.sum())) for o in cases)])
+        return "\n".join(aligned(rows))
 
     def __str__(self) -> str:
         return "\n".join([self.table(), self.benefit_in_words, self.overturning_in_words])

@@ -16,7 +16,7 @@ from tpd.compiled.columns import LAM, MU, NU
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular
+from tpd.core.formatting import Printed, Tabular, aligned
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -229,10 +229,10 @@ class Runs(Printed, Tabular):
 
     def __str__(self) -> str:
         head = f"{self.outcome.size} runs of the {self.equations.value} equations, seed {self.seed}"
-        lines = [head, *(f"  {name:36}{text:>26}" for name, text in self.rows())]
+        rows = self.rows()
         if self.is_unanswered.any():
-            lines.append(f"  {UNANSWERED_ROW:36}{self.is_unanswered.sum():>26}")
-        return "\n".join(lines)
+            rows.append((UNANSWERED_ROW, str(self.is_unanswered.sum())))
+        return "\n".join([head, *(f"  {line}" for line in aligned(rows))])
 
 
 class Cases(Tabular):

@@ -33,6 +33,8 @@ _FARTHEST = float(ndtri(0.999) / ndtri(0.975))
 the usual interval: the end of a one-sided interval of 99.9 %. Without it some lower ends are infinite."""
 _MANY = 1e12
 """Degrees of freedom above which Student's distribution equals the normal distribution."""
+_MOST_GROWTH = 9.0
+"""Largest relative increase at the end of an interval that also contains reductions."""
 ROUNDING = 1e-12
 """Relative size below which a number is due to rounding."""
 
@@ -171,7 +173,8 @@ def fall(
 
     The reduction is (B - H) / B with the means B without and H with the pendulum; it is 0 if both means are
     0. A mean B below `least` counts as `least`. The interval is infinite if there are fewer than two
-    clusters, or if B is not significantly above zero. Without runs all numbers are NaN.
+    clusters, if B is not significantly above zero, or if B is so uncertain that the mean may fall or grow
+    tenfold. Without runs all numbers are NaN.
 
     Args:
         with_pendulum: a number from 0 to 1 for each run, such as its severity, shape (runs,).
@@ -196,6 +199,8 @@ def fall(
         # A constant instead of the mean does not vary between runs.
         sizes, extremes = np.full_like(falls, size), ((1.0, size), (-1.0, size))
     low, high = _limits_of_ratio(falls, sizes, extremes, clusters)
+    if -math.inf < low < -_MOST_GROWTH and high > 0.0:
+        return Interval(float(falls.mean()) / size, -math.inf, 1.0)
     return Interval(float(falls.mean()) / size, low, high if math.isinf(low) else min(1.0, high))
 
 

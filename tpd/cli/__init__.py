@@ -52,7 +52,9 @@ def main(arguments: list[str] | None = None) -> int:
     with terminal.lasting_output():
         options = grammar.parse_args()
         warnings.showwarning = terminal.show_warning
-        return _run(options, options.activity.format(**vars(options)))
+        # Quiet commands print their answer only, and errors.
+        is_quiet = getattr(options, "quiet", False)
+        return _run(options, "" if is_quiet else options.activity.format(**vars(options)))
 
 
 def _run(options: argparse.Namespace, activity: str = "") -> int:

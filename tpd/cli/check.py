@@ -8,23 +8,23 @@ from typing import Any
 
 from tpd.answers.compare_models import MODELS, QUICK
 from tpd.answers.motion_history import sliding
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.assess import needless
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
+from tpd.design.reasons import reduction
 from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
-from tpd.report import answer, summary, words
+from tpd.report import summary, words
 from tpd.report.blocks import wrapped
 from tpd.report.files import ENGINE, add_section
-from tpd.scene.scene import Pendulum
+from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.no_uplift import SLIDES, AtRest
 
 _OVERTURNED = (
@@ -43,8 +43,9 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     if options.seed is not None:
         checks.seed("--seed", options.seed)
     if options.engine is not None:
-        common.print_header(job.scene, pendulum, job.in_words, job.all_messages, AtRest.under(job.scene))
-        return _check_by_engine(job, pendulum, options)
+        scene = job.single
+        common.print_header(scene, pendulum, job.in_words, job.all_messages, AtRest.under(scene))
+        return _check_by_engine(scene, pendulum, options)
     if options.runs is not None:
         raise ValueError("--runs has an effect only together with --engine")
     problem = _problem_of(job, options.seed)
@@ -53,6 +54,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     with Bar() as bar:
         lines, is_sound = _check_by_models(job, problem, pendulum, models, bar)
     print_answer("", *lines)
+    _write(options, "\n".join(lines))
     return SOUND if is_sound else UNSOUND
 
 
@@ -91,7 +93,7 @@ def _check_by_models(
             table += [*wrapped(_OVERTURNED), ""]
     # A report without a pendulum is right only if the block needs none under all conditions of the job.
     if (status := problem.needs_none) is not None:
-        return [*table, *wrapped(needless(problem))], status.is_sound
+        return [*table, *wrapped(problem.needless)], status.is_sound
     if pendulum is None:
         return [*table, "NOT RECOMMENDED: the report has no pendulum."], False
     # `thorough` simulates the validation runs also for a pendulum that exceeds a limit, which a search skips.
@@ -103,7 +105,7 @@ def _check_by_models(
         # Sliding comes first, because the runs do not describe a base that slides.
         sentences.sort(key=lambda text: not text.startswith(SLIDES))
         sentences += [
-            f"{runs.description}: {words.reduction(runs, validation.measure)}.",
+            f"{runs.description}: {reduction(runs, validation.measure)}.",
             f"{words.exceeding(validation.over_limit, problem.allowed)}.",
         ]
         if runs.undecided:
@@ -113,20 +115,28 @@ def _check_by_models(
         sentences += [words.group(part) for part, _ in zip(runs.parts, problem.groups, strict=False)]
         sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
         sentences += [f"{text}." for text in problem.yearly(runs.annual_rates)]
-    verdict = answer.verdict_lines(validation.status, validation.refusals)
-    before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
-    return [*table, *before, "", *after], validation.status.is_sound
+    status, reasons = validation.status, validation.refusals or problem.missing
+    before = [line for text in sentences for line in wrapped(text)]
+    after = [line for text in status.other(reasons) for line in wrapped(text, "  reason      ", " " * 14)]
+    return [*table, *before, "", *after, *wrapped(status.headline(reasons))], status.is_sound
 
 
-def _check_by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
+def _write(options: argparse.Namespace, answer: str) -> None:
+    """Write the answer into the folder of `--out`, if the option is given."""
+    if options.out is not None:
+        outputs.write(options.out, [("check.txt", f"{answer}\n")], {})
+
+
+def _check_by_engine(scene: Scene, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
     """Simulate the pendulum in a rigid-body engine, add the result to the report of the design, if any, and
     return the exit status."""
     # The engine has defaults for the number of runs and for the friction of the base.
-    stated = {"runs": options.runs, "sliding": job.block.base_friction}
+    stated = {"runs": options.runs, "sliding": scene.block.base_friction}
     settings = {name: x for name, x in stated.items() if x is not None}
     with Bar() as bar:
-        comparison = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
+        comparison = mujoco(scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
     print_answer("", str(comparison), "")
+    _write(options, str(comparison))
     for path in add_section(options.design, ENGINE, str(comparison), comparison.warning):
         print(f"written: {path}")
     if pendulum is None:

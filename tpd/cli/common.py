@@ -83,7 +83,10 @@ def check_inputs(options: argparse.Namespace) -> Case:
     _complete_motion(options)
     case = read_case(options)
     asker = "--engine" if getattr(options, "engine", None) else f"`tpd {options.command}`"
-    if options.command in ("response", "map") or asker == "--engine":
+    if asker == "--engine":
+        # An engine simulates one motion.
+        _ = case.job.single
+    elif options.command in ("response", "map"):
         again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
         _ = case.job.settled_scene(asker, again)
     # A job checks a part of its inputs when the property that needs them is read for the first time.

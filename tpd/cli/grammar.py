@@ -213,7 +213,7 @@ def _optimise(command: Parser) -> None:
 
 
 def _check(command: Parser) -> None:
-    _add_case(command, *HARMONIC, *PULSE, *RECORDS)
+    _add_case(command, *HARMONIC, *PULSE, _RECORD, _SCALE, *RECORDS)
     # The other limits come from the job: a check uses those with which the pendulum was designed.
     NO_WALLS.add(command)
     _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
@@ -225,6 +225,7 @@ def _check(command: Parser) -> None:
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
     _add_number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
+    _add_out(command, None, "folder for the results (default: write no files)")
 
 
 def _explore(command: Parser) -> None:

@@ -7,10 +7,10 @@ from functools import partial
 
 from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
-from tpd.core import files
-from tpd.core.progress import Bar, say
+from tpd.core import files, progress
 from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve_problem
+from tpd.design.reasons import VALIDATED
 from tpd.report import answer
 from tpd.report.blocks import Summary
 from tpd.report.files import write
@@ -28,11 +28,10 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     files.today()
     if not (options.quiet or options.json):
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
-    with Bar() as bar:
+    with progress.shown(not options.quiet) as bar:
         design, points = solve_problem(problem, bar), ()
-        # Lighter pendulums make sense only beside a pendulum that is recommended.
-        is_recommended = design.pendulum is not None and design.status.name == "recommended"
-        if job.full["search"]["pareto"] and is_recommended:
+        # Lighter pendulums make sense only beside a pendulum that passes the validation.
+        if job.full["search"]["pareto"] and design.status in VALIDATED:
             points = front(design, progress=bar)
         # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)
@@ -40,7 +39,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     lines = max(_FEWEST_LINES, answer.MOST - len(messages))
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     show = partial(_show, options, lines)
-    how = {"then": show, "warn": lambda message: say(f"tpd: {message}")}
+    how = {"then": show, "warn": lambda message: progress.say(f"tpd: {message}")}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 
@@ -52,7 +51,7 @@ def _show(options: argparse.Namespace, lines: int, summary: Summary) -> None:
     elif options.verbose:
         text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
     elif options.quiet:
-        text = f"{summary.verdict.text}\n{options.out}"
+        text = f"{summary.verdict.marked}\n{options.out}"
     else:
         text = "\n" + answer.in_lines(summary, lines)
     print_answer(text)

@@ -25,7 +25,7 @@ from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import Rule, follow_guess
 from tpd.design.problem import Problem, Variation
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import VALIDATED
 from tpd.design.transfer import Transfer, transfer_of
 from tpd.design.wider_base import WiderBase, Worth, wider_bases, worth_of
 from tpd.limits import bob_of
@@ -41,7 +41,7 @@ from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 _BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, as factors on the frequency of the scene."""
 _VARIED = {
-    "restitution": 0.5,
+    "impact_loss": 0.5,
     "friction": 0.5,
     "slenderness": 0.05,
     "amplitude": 0.1,
@@ -50,7 +50,7 @@ _VARIED = {
     "length": 0.05,
     "damping": 0.4,
 }
-"""Shares by which each quantity is varied. For the restitution it is the share of the loss, 1 - e."""
+"""Shares by which each quantity is varied. The loss of an impact is 1 - e."""
 NARROW = 0.9
 """Share of its base on which the block rocks in the comparison with a narrower base."""
 _DRAWN, _FOLLOWED, _SAMPLES = 24, 100, 60
@@ -155,7 +155,7 @@ class Sensitivity(NamedTuple):
     """Benefit if one quantity differs from its stated value, by paired runs of the linear model."""
 
     name: str
-    """Name in `tpd.scene.conditions.FACTORS`; empty for the stated values."""
+    """Name in `tpd.scene.conditions.FACTORS`, or "impact_loss" for 1 - e; empty for the stated values."""
     width: float
     """Share by which the quantity is decreased and increased."""
     low: Interval
@@ -175,6 +175,10 @@ class LossCase(NamedTuple):
     """Coefficient of restitution e at an impact, without a pendulum."""
     runs: PairedRuns
     """Runs with and without the pendulum."""
+    measure: str
+    """Measure that decides, "overturning" or "tilt"."""
+    difference: Interval
+    """Reduction of this measure minus the reduction with the stated losses, in the same runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,7 +327,6 @@ def details(
     problem, pendulum, runs, best = design.problem, design.pendulum, design.runs, design.best
     measure = best.measure if best and pendulum else ""
     bases = wider_bases(problem, runs, measure, progress) if runs else ()
-    is_recommended = design.status is DesignStatus.recommended
     out = Details(
         build=build_of(design),
         sensitivity=sensitivity_of(design, progress),
@@ -331,9 +334,9 @@ def details(
         bases=bases_of(design),
         lower_hinge=lower_hinge_of(design),
         wider_bases=bases,
-        rule=follow_guess(problem, runs.with_pendulum.seed) if runs else None,
+        rule=follow_guess(problem, runs) if runs else None,
         worth=worth_of(runs, measure, bases) if runs else None,
-        transfer=transfer_of(problem, pendulum, progress) if pendulum and is_recommended else (),
+        transfer=transfer_of(problem, pendulum, progress) if pendulum and design.status in VALIDATED else (),
         front=front,
     )
     scene = design.scene
@@ -460,7 +463,7 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
     if design.pendulum is None:
         return ()
     scene, block = design.scene, design.scene.block
-    present = {"restitution": float(block.velocity_ratio) != 1.0, "friction": block.friction}
+    present = {"impact_loss": float(block.velocity_ratio) != 1.0, "friction": block.friction}
     names = [name for name in _VARIED if present.get(name, True)]
     # The reference is the same runs with stated values. They are fewer than the validation runs, so
     # their benefit differs.
@@ -478,15 +481,19 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
 def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase, ...]:
     """Return paired runs of a block that loses energy by friction only, by impacts only, and by both.
 
-    The result is empty if no pendulum is recommended.
+    The case that equals the stated block is left out. The result is empty if no pendulum is recommended.
     """
-    if design.pendulum is None:
+    if design.pendulum is None or design.best is None:
         return ()
-    out, models = [], loss_models(design.scene)
+    # A rate is compared by the share of the runs that overturn, because these runs have one level each.
+    measure = "tilt" if design.best.measure == "tilt" else "overturning"
+    models = {name: b for name, b in loss_models(design.scene).items() if b != design.scene.block}
+    out, stated = [], _compare(design)
     for done, (name, block) in enumerate(models.items()):
         progress("other energy losses", done, len(models))
         runs = _compare(design, replace(design.scene, block=block))
-        out.append(LossCase(name, float(block.friction), float(block.velocity_ratio), runs))
+        losses = float(block.friction), float(block.velocity_ratio)
+        out.append(LossCase(name, *losses, runs, measure, runs.reduction_minus(stated, measure)))
     return tuple(out)
 
 
@@ -549,7 +556,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
 
 def _vary(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
     """Return the scene or the further condition in which a quantity differs by a share."""
-    if name != "restitution":
+    if name != "impact_loss":
         return None, Conditions({name: np.array([1.0 + share])})
     # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss 1 - e of the
     # block instead, and fix the resulting e.

@@ -14,19 +14,22 @@ from tpd.answers.motion_history import sliding
 from tpd.answers.run_table import Runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
-from tpd.core.formatting import Printed, compared, ends, number, percent
+from tpd.core.formatting import Printed, ends, number, percent
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import PERIODS
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
 from tpd.design.validate import run_seed
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import SLIDES, AtRest
+
+_WIDEST = 2.0
+"""Largest width of a base that is an alternative, over the width of the block. A coefficient of friction
+above 1 is no alternative either."""
 
 
 class Alternatives(NamedTuple):
@@ -39,6 +42,8 @@ class Alternatives(NamedTuple):
     """Width of the base (m) with which the excitation does not lift the block: (f - k) times the height."""
     friction: float
     """Coefficient of friction with which the wider base does not slide: f."""
+    present: float
+    """Width of the block (m)."""
     periods: np.ndarray
     """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
     motion at its strongest level. Under ground motions it is the period from which on the response spectrum
@@ -74,8 +79,11 @@ class Alternatives(NamedTuple):
             isolation += (
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
             )
+        tie = f"a tie at the top for at least {force}"
+        if self.friction > 1.0 or self.width > _WIDEST * self.present:
+            return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
         width = f"a base at least {_at_least(self.width)} m wide {friction}"
-        return f"a tie at the top for at least {force}, {width}, or {isolation} (static estimates)"
+        return f"{tie}, {width}, or {isolation} (static estimates)"
 
 
 def _at_least(x: float) -> str:
@@ -93,7 +101,7 @@ def alternatives(problem: Problem) -> Alternatives:
     tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
     # The block rocks on the same share of a wider base.
     width = float(block.height) * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
-    return Alternatives(tie, width, alone.peak, periods, damping, lifts)
+    return Alternatives(tie, width, alone.peak, float(block.width), periods, damping, lifts)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -129,7 +137,7 @@ class Assessment(Printed):
         """Lines on whether the block stays at rest, slides, rocks or overturns: the stated block first, then
         the blocks that vary, at each level of the excitation, and the annual rate of overturning."""
         if self.runs is None or self.stated is None:
-            return needless(self.problem)
+            return self.problem.needless
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         varied = f"{problem.begin_of_runs} {scatter}"
@@ -192,18 +200,6 @@ def _outcome(runs: Runs, is_sample: bool) -> str:
     tilt = percent(float(np.max(runs.tilt[answered] / np.arctan(runs.nu[answered]))))
     most = "" if count == 1 else "at most "
     return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt} of the toppling angle"
-
-
-def needless(problem: Problem) -> str:
-    """Return the sentence about a block that does not rock under the excitation, with its margin."""
-    status, alone = problem.needs_none, problem.at_rest
-    if status is DesignStatus.slides:
-        at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
-        return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-    # The margin belongs between the two sentences of the status.
-    verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-    times, _ = compared(alone.margin, 1.0)
-    return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
 
 def assess(

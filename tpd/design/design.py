@@ -12,9 +12,9 @@ import numpy as np
 from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
-from tpd.core.formatting import Printed, number, percent
+from tpd.core.formatting import Printed, number
 from tpd.design.problem import Problem
-from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
+from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduction
 from tpd.design.refine import Trials, WiderBound
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
@@ -116,12 +116,35 @@ class Design(Printed):
         return None if self.best is None else self.best.runs
 
     @property
+    def is_danger(self) -> bool:
+        """Whether the verdict is a danger: the best design is harmful, and none is offered."""
+        return self.pendulum is None and self.is_harmful
+
+    @cached_property
+    def verdict(self) -> str:
+        """Sentences of the verdict, which print, terminal, report, page and design.json show. The exit status
+        of the command follows from the same status."""
+        status, runs, best = self.status, self.runs, self.best
+        # A block that does not rock needs its margin and not the number of rejected designs.
+        if status in (DesignStatus.no_uplift, DesignStatus.slides):
+            return self.problem.needless
+        text = status.headline(self.refusals or self.problem.missing)
+        if runs is None or best is None or status in REJECTED:
+            return text
+        result = reduction(runs, best.measure)
+        if status not in VALIDATED:
+            return f"{text} In {runs.pairs} paired runs of these motions: {result}."
+        only = "" if self.problem.has_earthquakes else " It holds for this harmonic excitation only."
+        head = status.value.partition(":")[0] + "".join(f", because {x}" for x in self.problem.missing)
+        return f"{head}: {result}.{only} This is not a safety assessment."
+
+    @property
     def benefit(self) -> Interval | None:
         """Share by which the mean tilt falls with the recommended pendulum in validation runs.
 
         None if no pendulum is recommended, or if no motion was kept for the validation.
         """
-        if self.runs is None or self.status is not DesignStatus.recommended:
+        if self.runs is None or self.status not in VALIDATED:
             return None
         return self.runs.benefit
 
@@ -160,7 +183,7 @@ class Design(Printed):
         if np.isnan(sizes).any():
             return ("the block overturns in so many trial runs that the limits cannot be compared with any",)
         return tuple(
-            str(Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(size)))
+            str(self.problem.excess(name, float(size)))
             for name, size in zip(self.trials.names, sizes, strict=True)
             if size > 1.0
         )
@@ -178,14 +201,13 @@ class Design(Printed):
             return []
         effect = {wider.column: f" ({wider})" for wider in self.wider_bounds}
         return [
-            f"{('lower', 'upper')[side]} search bound of the {self._word(i)}{effect.get(i, '')}"
+            f"{('lower', 'upper')[side]} search bound of the {self._word(i, side)}{effect.get(i, '')}"
             for i, side in self.space.bounds_at(self.nearest).items()
         ]
 
-    def _word(self, i: int) -> str:
-        """Return words for the i-th parameter of the best design, with its value."""
-        assert self.nearest is not None
-        return f"{('mass', 'length', 'damping')[i]} ratio, {number(float(self.nearest[i]), 3)}"
+    def _word(self, i: int, side: int = 0) -> str:
+        """Return words for a bound of the i-th parameter, with its value."""
+        return f"{('mass', 'length', 'damping')[i]} ratio, {number(float(self.space.ends[side, i]), 3)}"
 
     @property
     def remedy(self) -> str:
@@ -238,7 +260,8 @@ class Design(Printed):
 
     @cached_property
     def usage(self) -> dict[str, float]:
-        """Limited quantities of the best design over their limits, by name.
+        """Utilisation of each limit by the best design, by name: the limited quantity divided by its limit,
+        or the limit divided by the quantity if it is a lower bound.
 
         For a quantity that depends on the motion, this is the quantile of the validation runs that only the
         allowed share exceeds; NaN if the block stands in no run.
@@ -254,7 +277,8 @@ class Design(Printed):
                     # towards the limit.
                     continue
                 usage[name] = float(np.maximum(usage.get(name, 0.0), problem.reached(x)))
-        return usage
+        limits = {limit.name: limit for limit in problem.limits}
+        return {name: limits[name].utilisation(x) if name in limits else x for name, x in usage.items()}
 
     @property
     def risks(self) -> tuple[float, float]:
@@ -278,18 +302,15 @@ class Design(Printed):
         return self.problem.inputs | changed
 
     def __str__(self) -> str:
-        lines, pendulum, runs = [self.status.value], self.pendulum, self.runs
+        lines, pendulum = [f"{'DANGER: ' * self.is_danger}{self.verdict}"], self.pendulum
         if pendulum is not None:
             size = f"{pendulum.mass:.4g} kg on a rod of {pendulum.length:.4g} m"
             lines.append(
                 f"  pendulum    equivalent point mass {size}, damping ratio {pendulum.damping_ratio:.3g}"
             )
-        if runs is not None:
-            share = runs.change("overturned")
-            pendulum_share, without = (percent(x, 1) for x in share[1:3])
-            lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
-            lines.append(f"  overturned  {pendulum_share} with the pendulum, {without} without it")
-        lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]
+        if self.runs is not None:
+            lines.append(f"  benefit     {self.runs.benefit_in_words}; {self.runs.description}")
+        lines += [f"  reason      {text}" for text in self.status.other(self.refusals)[:_MOST_REASONS]]
         lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)
 

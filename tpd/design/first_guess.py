@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.design.problem import Problem
 from tpd.scene.scene import Pendulum
@@ -56,10 +57,11 @@ def first_guess(problem: Problem) -> np.ndarray | None:
     return designs[np.argmax(keeps * np.sqrt(mu) * np.cbrt(lam))] if keeps.any() else None
 
 
-def follow_guess(problem: Problem, seed: int) -> Rule | None:
-    """Return the guess with its validation runs of this seed; None if there is no guess."""
+def follow_guess(problem: Problem, quoted: PairedRuns) -> Rule | None:
+    """Return the guess in the validation runs that the report quotes; None if there is no guess."""
     guess = first_guess(problem)
     if guess is None:
         return None
-    runs = problem.validation_runs(guess, seed)
+    # Runs of the search records and runs without a result are not among those that the report quotes.
+    runs = problem.validation_runs(guess, quoted.with_pendulum.seed).of(quoted.rows)
     return Rule(problem.pendulum(guess), runs, *problem.over_limit(guess, runs))

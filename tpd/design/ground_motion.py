@@ -103,7 +103,9 @@ class GroundMotionProblem(Problem):
     # is sufficient and limits are the only reason against it. Otherwise several designs could be validated
     # until the benefit of one of them is large by chance.
     attempts: ClassVar[int] = 2
-    retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides})
+    retries = frozenset(
+        {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit, ReasonKind.slides}
+    )
     # The design reaches its limits under the motions of the search. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05

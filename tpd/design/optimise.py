@@ -107,8 +107,8 @@ def optimise(
         >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
         >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
         >>> print(design)
-        NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough
-            push it may still rock or overturn.
+        NOT NEEDED: under all conditions the block without a pendulum stays at rest, and an excitation that is
+            5.7 times as strong would lift it. After a strong enough push it may still rock or overturn.
     """
     inputs: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
     inputs |= {"requirements": requirements, "seed": seed, "objective": objective, "starts": starts}

@@ -20,6 +20,7 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.answers.statistics import quantile_of
 from tpd.core import checks
+from tpd.core.formatting import compared
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job, job_of
@@ -388,6 +389,25 @@ class Problem(ABC):
             return DesignStatus.slides
         return DesignStatus.no_uplift if self.at_rest.margin >= 1.0 else None
 
+    @property
+    def needless(self) -> str:
+        """Sentences about a block that does not rock under the excitation, with its margin."""
+        status, alone = self.needs_none, self.at_rest
+        if status is DesignStatus.slides:
+            at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
+            return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
+        # The margin belongs between the two sentences of the status.
+        verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
+        times, _ = compared(alone.margin, 1.0)
+        return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
+
+    @property
+    def missing(self) -> list[str]:
+        """Sentence on what the search leaves out although a design to be built needs it; empty if nothing."""
+        parts = ["considered only one excitation"] * (len(self.conditions) == 1)
+        parts += ["assumed a bob without size and no walls"] * (limit_of(self.limits, Clearance) is None)
+        return [f"the search {' and '.join(parts)}"] if parts else []
+
     @abstractmethod
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
         """Return designs for the trial runs, (m, 3), and the history of the search.
@@ -493,6 +513,12 @@ class Problem(ABC):
         keeps = (x <= 1.0 for x in self.fixed_sizes(designs, swing).values())
         return np.all([np.ones(len(designs)), *keeps], axis=0)
 
+    def excess(self, name: str, size: float) -> Reason:
+        """Return the reason against a design that a limited quantity of this size, over its limit, gives."""
+        limit = next((x for x in self.limits if x.name == name), None)
+        quantity, most = (size, 1.0) if limit is None else limit.quantity(size)
+        return Reason(kind=ReasonKind.breaks_limit, limit=name, value=quantity, reference=most)
+
     def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
         """Return limited quantities over their limits, by name, in each run in which the block stands."""
         stands, g = runs.stands, self.geometry
@@ -534,7 +560,9 @@ class Problem(ABC):
         sizes = {n: ~(x <= 1.0) for n, x in self.sizes_in_runs(design, runs).items() if n not in STILL}
         if not sizes or not runs.stands.any():
             return (np.nan if sizes else 0.0), ""
-        worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
+        shares = {name: float(np.mean(x)) for name, x in sizes.items()}
+        # Too frequent wall contact is reported first, because it is a danger.
+        worst = max(shares, key=lambda n: (n == Clearance.name and shares[n] > self.allowed, shares[n]))
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from tpd.core.formatting import compared, number, percent
-from tpd.limits import LABELS, MEASURED
+from tpd.core.formatting import compared, ends, number, percent
+from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Limit, Reserve, Worsening
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
+
+if TYPE_CHECKING:
+    # This module loads JAX, and the commands read a design before they wait for that.
+    from tpd.answers.paired import PairedRuns
 
 
 class DesignStatus(enum.Enum):
@@ -30,6 +35,11 @@ class DesignStatus(enum.Enum):
         "safety assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",
     )
+    not_to_be_built = (
+        "NOT TO BE BUILT AS IT IS: the pendulum passes the validation, but the search considered only one "
+        "excitation, or a bob without size and no walls.",
+        "Give a band of frequencies, the width of the cavity, and the limit on clearance.",
+    )
     tuned_only = (
         "TUNED TO THESE MOTIONS ONLY: all of them were used for the search. The benefit in other "
         "earthquakes is unknown.",
@@ -46,11 +56,11 @@ class DesignStatus(enum.Enum):
     )
     not_recommended = (
         "NOT RECOMMENDED: no pendulum that the search found passes the validation.",
-        "Widen the design space, require less benefit, or give the bob more clearance.",
+        "Widen the design space, or change what can be built: the cavity, the bob or its damper.",
     )
     none_feasible = (
         "NOT RECOMMENDED: every pendulum that was evaluated exceeds a limit.",
-        "Widen the design space, or loosen the limit that the nearest design exceeds.",
+        "Widen the design space, or change what can be built: the cavity, the bob or its damper.",
     )
     no_uplift = (
         "NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough "
@@ -70,11 +80,27 @@ class DesignStatus(enum.Enum):
 
     @property
     def is_sound(self) -> bool:
-        """Whether the design may be used: the pendulum is validated, or no pendulum is needed."""
+        """Whether the design may be used: the pendulum is recommended, or no pendulum is needed."""
         return self in (DesignStatus.recommended, DesignStatus.no_uplift)
 
+    def headline(self, reasons: Sequence[str]) -> str:
+        """Return the sentence of the status, with the first reason if that is more informative."""
+        if self in _REASONED and reasons:
+            return f"{self.value.partition(':')[0]}: {reasons[0]}."
+        return self.value
 
-OFFERED = DesignStatus.recommended, DesignStatus.tuned_only
+    def other(self, reasons: Sequence[str]) -> Sequence[str]:
+        """Return the reasons that `headline` does not contain."""
+        return reasons[self in _REASONED :]
+
+
+REJECTED = DesignStatus.not_recommended, DesignStatus.none_feasible, DesignStatus.undecided
+"""Statuses of a design that does not pass the validation."""
+_REASONED = *REJECTED, DesignStatus.not_to_be_built
+"""Statuses for which the first reason is more informative than the sentence of the status."""
+VALIDATED = DesignStatus.recommended, DesignStatus.not_to_be_built
+"""Statuses of a design whose pendulum passes the validation."""
+OFFERED = *VALIDATED, DesignStatus.tuned_only
 """Statuses of a design that has a pendulum."""
 
 
@@ -101,11 +127,12 @@ class ReasonKind(enum.Enum):
         "of {total} paired runs{of}, the pendulum causes overturning in {value} and prevents it in "
         "{reference}"
     )
-    touches_wall = (
+    touches_wall = "the bob touches a wall in {value} of the surviving runs; at most {reference} are allowed"
+    exceeds_limit = (
         "the pendulum exceeds the limit on {limit} in {value} of the surviving runs; at most "
         "{reference} are allowed"
     )
-    breaks_limit = "the design exceeds the limit on {limit}: {value} times the limit"
+    breaks_limit = "the design exceeds the limit on {limit}: {excess}"
     worse_condition = (
         "the mean tilt is {value} of the toppling tilt with the pendulum, and {reference} without it, "
         "for {condition}{others}"
@@ -138,7 +165,7 @@ class Reason:
     """Name of the limit that is exceeded."""
     value: float = math.nan
     """Number that breaks the requirement: a tilt over the slenderness, a number of runs, a share, or a
-    limited quantity over its limit."""
+    limited quantity."""
     reference: float = math.nan
     """The number that the value is compared with."""
     low: float = math.nan
@@ -150,32 +177,42 @@ class Reason:
     """Number of runs, or of conditions, that the value was counted in."""
     measure: str = "tilt"
     """Measure whose reduction is too small: "tilt" or "overturning"."""
+    with_pendulum: float = math.nan
+    """Measure with the pendulum, if its reduction is too small; NaN for a rate."""
+    without_pendulum: float = math.nan
+    """Measure without the pendulum."""
 
     @property
     def shortfall(self) -> float:
         """Amount by which the requirement is missed, as a share of the runs, of the tilt or of the limit."""
+        kinds, excess = ReasonKind, self.value - self.reference
+        of_limits = kinds.breaks_limit, kinds.touches_wall, kinds.exceeds_limit, kinds.slides
+        # A quantity that is not known is no limit that is kept.
+        if self.kind in of_limits and math.isnan(self.value):
+            return math.inf
         match self.kind:
-            case ReasonKind.breaks_limit | ReasonKind.touches_wall | ReasonKind.slides if math.isnan(
-                self.value
-            ):
-                # A quantity that is not known is no limit that is kept.
-                return math.inf
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
                 return (self.low - self.value) / max(self.total, 1)
             case ReasonKind.no_benefit:
-                return max(self.value - self.reference, 0.0)
-            case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.slides:
-                return self.value - self.reference
+                return max(excess, 0.0)
+            case kinds.touches_wall | kinds.exceeds_limit | kinds.worse_condition | kinds.slides:
+                return excess
             case ReasonKind.too_little_benefit if math.isfinite(self.value):
                 # A benefit that is large enough may still be rejected because it is not significant. The
                 # shortfall is then the distance of the interval from zero.
                 return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
-                return self.value - 1.0
+                # An increase is related to the whole quantity, and a lower bound is missed from above.
+                return abs(excess) / (self.reference + self.is_increase)
             case _:
                 return 1.0
+
+    @property
+    def is_increase(self) -> bool:
+        """Whether the limited quantity is the increase of a tilt."""
+        return self.limit == Worsening.name
 
     @property
     def is_danger(self) -> bool:
@@ -188,28 +225,42 @@ class Reason:
     @property
     def _numbers(self) -> dict[str, str]:
         """Numbers of the sentence, with the digits that show on which side of the limit each of them is."""
-        counts = ReasonKind.overturns_more, ReasonKind.rests_less, ReasonKind.undecided
-        ratios = ReasonKind.slides, ReasonKind.breaks_limit
-        form, digits = (number, 9) if self.kind in (*counts, *ratios) else (percent, 1)
-        digits = {ReasonKind.slides: 2, ReasonKind.breaks_limit: 3}.get(self.kind, digits)
-        # A limited quantity is over its limit.
-        limit = 1.0 if self.kind is ReasonKind.breaks_limit else self.reference
-        value, reference = compared(self.value, limit, digits, form)
-        low, certain = compared(self.low, CERTAIN * self.reference, 1, percent)
-        of = MEASURED.get(self.measure, MEASURED["tilt"])
-        falls = f"{of} {'increases' if value.startswith('-') else 'falls'} by {value.lstrip('-')}"
+        kinds = ReasonKind
+        counts = dict.fromkeys((kinds.overturns_more, kinds.rests_less, kinds.undecided), 9)
+        digits = (counts | {kinds.slides: 2, kinds.breaks_limit: 3}).get(self.kind)
+        # Shares of runs, tilts and their increases are in per cent.
+        form, digits = (number, digits) if digits and not self.is_increase else (percent, 1)
+        value, reference = compared(self.value, self.reference, digits, form)
+        kind = next((x for x in LIMIT_KINDS if x.name == self.limit), Limit)
+        excess = f"{value} times the limit"
+        # A size without a unit is already divided by its limit.
+        if kind.unit or self.reference != 1.0:
+            bound = "at least" if kind is Reserve else "at most"
+            excess = f"{' '.join([value, kind.unit]).rstrip()}, but {bound} {reference} is allowed"
+        return {"value": value, "reference": reference, "excess": excess, **self._fall(value, reference)}
+
+    def _fall(self, value: str, reference: str) -> dict[str, str]:
+        """Return the texts on a reduction that is too small: what it is, and what is required."""
+        certain, of = CERTAIN * self.reference, MEASURED.get(self.measure, MEASURED["tilt"])
+        is_fall = not value.startswith("-")
+        falls = f"{of} {'falls' if is_fall else 'increases'} by {value.lstrip('-')}"
+        if math.isfinite(self.without_pendulum):
+            falls += f", from {percent(self.without_pendulum, 1)} to {percent(self.with_pendulum, 1)}"
+        # The lower end has the digits that show on which side of the required one it is.
+        (low, least), high = compared(self.low, certain, 1, percent), percent(self.high, 1)
         if math.isnan(self.value):
-            why = _UNKNOWN.get(self.measure, "")
-            falls = f"change of the {of} is unknown{why}"
+            falls = f"change of the {of} is unknown{_UNKNOWN.get(self.measure, '')}"
         elif math.isfinite(self.low):
-            # The lower end has the digits that show on which side of the required one it is.
-            falls += f" (95 % interval {low.removesuffix(' %')} to {percent(self.high, 1)})"
+            # The interval of an increase has the other sign, and begins at the other end.
+            first, last = (low, high) if is_fall else (percent(-self.high, 1), percent(-self.low, 1))
+            falls += f" (95 % interval {first.removesuffix(' %')} to {last})"
         else:
             falls += " (too few earthquakes or overturned runs for an interval)"
-        required = "a significant reduction"
-        if self.reference > 0.0:
-            required = f"a reduction of at least {reference}, and an interval that begins above {certain}"
-        return {"value": value, "reference": reference, "falls": falls, "required": required}
+        # Only what is missed is listed, so that the reason is clear.
+        missed = [] if self.value >= self.reference else [f"a reduction of at least {reference}"]
+        missed += [] if self.low >= certain else [f"an interval that begins above {least}"]
+        required = " and ".join(missed) if missed and self.reference > 0.0 else "a significant reduction"
+        return {"falls": falls, "required": required}
 
     def __str__(self) -> str:
         return self.kind.value.format(
@@ -227,3 +278,57 @@ def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:
     for reason in reasons:
         kinds.setdefault((reason.kind, reason.limit), reason)
     return sorted(kinds.values(), key=lambda reason: not reason.is_danger)
+
+
+def reduction(runs: PairedRuns, measure: str) -> str:
+    """Return sentences with the share of the runs that still overturn, and then with the reductions of both
+    measures and their intervals, without the final period.
+
+    The required measure comes first. The reduction of overturning is left out if it is rare and was not
+    required, or if no run overturns without the pendulum.
+    """
+    usual, other = runs.first_measure, "tilt" if measure == "overturning" else "overturning"
+    measures = [measure, *([] if other == "overturning" != usual else [other])]
+    if runs.change("overturned").without_pendulum == 0.0:
+        measures = ["tilt"]
+    first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
+    if runs.change("overturned").without_pendulum > 0.0:
+        # The mean may fall mainly because fewer runs overturn, which count as 100 %.
+        tilt = runs.change("median severity")
+        pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
+        others.append(
+            f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
+            f"({without} without it)"
+        )
+    if runs.passed is not None:
+        others.append("the intervals allow for the fact that these runs also decided")
+    return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
+
+
+def overturned(runs: PairedRuns) -> str:
+    """Return a clause with the shares of the runs that overturn with and without the pendulum."""
+    shares = runs.change("overturned")
+    pendulum, without = (percent(x, 1) for x in (shares.with_pendulum, shares.without_pendulum))
+    if shares.with_pendulum > 0.0:
+        still = "still " if shares.without_pendulum > 0.0 else ""
+        return f"with the pendulum {pendulum} of the runs {still}overturn ({without} without it)"
+    if shares.without_pendulum > 0.0:
+        return f"with the pendulum no run overturns ({without} without it)"
+    return "no run overturns, with the pendulum or without it"
+
+
+def reduced(runs: PairedRuns, measure: str) -> str:
+    """Return a clause with the reduction of one measure of `tpd.limits.MEASURED`, and its interval."""
+    size, significant = runs.reduction(measure)
+    name = MEASURED[measure]
+    if math.isnan(size.mean):
+        return f"the reduction of the {name} is unknown"
+    is_less, by, around = size.fall_in_words()
+    doubt = ", which is not significant" if is_less and not significant else ""
+    if runs.passed is not None and around:
+        # The estimate given the decision can be negative for runs that passed by a small margin.
+        alone = runs.unconditional.reduction(measure)[0].mean
+        change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
+        true = f"its true reduction is between {ends(size.low, size.high, word='and')} (95 % interval)"
+        return f"the {name} {change} in these runs{doubt}; {true}"
+    return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{doubt}"

@@ -320,7 +320,8 @@ class Refinement:
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
-        every = self._eligible(rejected)
+        # A design that exceeds a limit by more is no pendulum that the validation should call a danger.
+        every = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NEARLY]
         return min(every, key=self._excess_of).design if every else None
 
     def compare(self, design: np.ndarray) -> None:
@@ -430,7 +431,9 @@ class Refinement:
         order, designs, names = self.order(), np.array(self.designs), tuple(self.fixed)
         sizes = np.column_stack([np.empty((len(designs), 0)), *self.fixed.values()])
         for column, name in zip(sizes.T, names, strict=True):
-            by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf)) for s in self.sizes]
+            # The comparisons show by how much trials underestimate a quantity.
+            more = self._shift(name) if name in self.limits else 0.0
+            by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf) + more) for s in self.sizes]
             np.maximum(column, by_runs, out=column)
         # If no trend could be fitted, only the validation can show whether a design keeps the limits.
         feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.merit is None))

@@ -35,11 +35,11 @@ from tpd.design.settings import (
     GroundSearch,
 )
 from tpd.design.space import DesignSpace
-from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, Stroke, limit_of
+from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, Stroke, Worsening, limit_of
 from tpd.records.read import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, Conditions
-from tpd.scene.ensemble import Ensemble
+from tpd.scene.ensemble import DISTURBANCE, Ensemble
 from tpd.scene.ground_motion import PULSES, Pulse
 from tpd.scene.hazard import Hazard
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
@@ -135,6 +135,27 @@ _WITH_PHASE = "mavroeidis-papageorgiou"
 _CYCLES = Need(f"the pulses {' and '.join(_CYCLIC)}", _is("excitation", "pulse", *_CYCLIC))
 _PHASE = Need(f"the pulse {_WITH_PHASE}", _is("excitation", "pulse", _WITH_PHASE))
 _FILE = Need("a file of a record", _names_files)
+_OFF = None, False
+_WALLS = Need(
+    "a limit on `clearance` in [limits]",
+    lambda full: full["limits"]["clearance"] not in _OFF and not full["conditions"]["exactly"],
+)
+_COMPARED = Need(
+    "more than the stated motion (no `exactly`)",
+    lambda full: full["limits"]["worsening"] in _OFF or not full["conditions"]["exactly"],
+)
+_LIMITED = Need(
+    "a limit on runs in [limits]",
+    lambda full: any(full["limits"][kind.name] not in _OFF for kind in LIMIT_KINDS if kind.of_motion),
+)
+_DISTURBED = Need("a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0)
+_SIZED = Need(
+    "`excitation.intensity` scale, or no `excitation.scales`",
+    lambda full: (
+        None in (full["excitation"]["records"], full["excitation"]["scales"])
+        or full["excitation"]["intensity"] == "scale"
+    ),
+)
 _CYLINDER = Need("`bob.shape` cylinder", _is("bob", "shape", "cylinder"))
 _ALONE = Need("a single motion (no band, no amplitudes and no scatter)", lambda full: size_of(full) == 1)
 _SEVERAL = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
@@ -164,7 +185,7 @@ class _Project(msgspec.Struct):
 class _Excitation(msgspec.Struct):
     kind: Literal["harmonic", "pulse", "records"] | None = None
     """Kind of motion (default: the kind to which the given keys belong, else harmonic)."""
-    pga: Annotated[float | None, Key("G", _SHAKEN)] = None
+    pga: Annotated[float | None, Key("G", _SHAKEN, _SIZED)] = None
     """Peak acceleration of a pulse, or of each record, in g."""
     records: Annotated[tuple[str, ...] | None, Key("FILE", _RECORDS)] = None
     """Files and folders of records, relative to a job file, or el-centro, loma-prieta, fema-p695,
@@ -304,6 +325,7 @@ def _limit(kind: type[Limit]) -> Key:
     return Key(
         "RAD" if kind is Stroke else "",
         kinds=() if kind.of_motion else _HARMONIC,
+        need=_COMPARED if kind is Worsening else Need(),
         default=None if preset is None else getattr(preset, own[0]) if is_number else True,
         type=float | bool if is_number else bool,
         help=(kind, ""),
@@ -334,7 +356,9 @@ TABLES: dict[str, dict[str, Key]] = {
         **READING,
     },
     "hazard": under(_SHAKEN, keys_of(Hazard)),
-    "bob": keys_of(Bob, shape="--bob WORD", aspect=Key(need=_CYLINDER)),
+    "bob": keys_of(
+        Bob, shape=Key("--bob WORD", need=_WALLS), density=Key(need=_WALLS), aspect=Key(need=_CYLINDER)
+    ),
     "site": {"gravity": keys_of(Scene)["gravity"]},
     "space": keys_of(
         DesignSpace,
@@ -346,7 +370,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "scatter": of_ground_motions({name: Key(type=float, help=(Ensemble, name)) for name in FACTORS}),
     "starts": keys_of(_Starts),
     "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
-    "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts="X"),
+    "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITED)),
     "search": {
         **_descent,
         **under(_SHAKEN, keys_of(GroundSearch, designs="N")),
@@ -354,7 +378,13 @@ TABLES: dict[str, dict[str, Key]] = {
         "steps": msgspec.structs.replace(_descent["steps"], kinds=(), default=None),
         **keys_of(_Search),
     },
-    "ensemble": of_ground_motions(keys_of(Ensemble, size=Key(defaults={"harmonic": VALIDATION_RUNS}))),
+    "ensemble": of_ground_motions(
+        keys_of(
+            Ensemble,
+            size=Key(defaults={"harmonic": VALIDATION_RUNS}),
+            **dict.fromkeys(DISTURBANCE, Key(need=_DISTURBED)),
+        )
+    ),
 }
 """All keys, by table and name."""
 

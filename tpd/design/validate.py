@@ -21,7 +21,7 @@ from tpd.answers.paired import FEWER, Decision, PairedRuns
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
-from tpd.limits import Requirements
+from tpd.limits import Clearance, Requirements
 from tpd.scene.scene import Pendulum
 
 _ROUNDING = 1e-9
@@ -92,7 +92,7 @@ def validate(
     """
     exact = problem.exact(design)
     reasons = [
-        Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(x[0]))
+        problem.excess(name, float(x[0]))
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
@@ -125,6 +125,8 @@ def validate(
         margin = decided.margin(measure, required, CERTAIN * required)
         quoted = replace(decided, passed=Decision(measure, margin))
     status = problem.evidence
+    if status is DesignStatus.recommended and problem.missing:
+        status = DesignStatus.not_to_be_built
     if reasons and status is not DesignStatus.too_few:
         unknown = {reason.kind for reason in reasons} == {ReasonKind.undecided}
         status = DesignStatus.undecided if unknown else DesignStatus.not_recommended
@@ -185,7 +187,9 @@ def _reasons(
         where = {"condition": harm.label, "total": harm.total}
         add_reason(ReasonKind.overturns_more, harm.only_with, harm.only_without, **where)
     if over > problem.allowed:
-        add_reason(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
+        is_wall = limit == Clearance.name
+        kind = ReasonKind.touches_wall if is_wall else ReasonKind.exceeds_limit
+        add_reason(kind, over, problem.allowed, limit=limit)
     if runs.rests_less:
         rests = (np.sum(o.is_at_rest[runs.is_answered]) for o in (runs.with_pendulum, runs.without_pendulum))
         # The loss of one tenth of the runs that end at rest is tolerated, because single runs are chaotic.
@@ -205,5 +209,9 @@ def _reasons(
     if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
         gain = runs.reduction(measure)[0]
         more: dict[str, Any] = {"low": gain.low, "high": gain.high, "measure": measure}
+        # An annual rate is no share of the runs.
+        if measure != "rate":
+            change = runs.change("overturned" if measure == "overturning" else "mean severity")
+            more |= {n: getattr(change, n) for n in ("with_pendulum", "without_pendulum")}
         add_reason(ReasonKind.too_little_benefit, gain.mean, required, **more)
     return out

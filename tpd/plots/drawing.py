@@ -258,15 +258,15 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
     ax.plot(0.0, 0.0, "o", ms=5, mfc="white", mec=INK, zorder=4)
     outward = -side - 0.15 * inch
     _dimension(ax, (0.0, -built.rod), (0.0, 0.0), outward, f"{number(built.rod)} m", scale)
-    _dimension(
-        ax, (0.0, -built.depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(built.depth, 3)} m", scale
-    )
+    # The dimension is that of the bob at rest, as in the tables. The edge of a cylinder that swings is lower.
+    depth = built.rod + float(built.body.half_height(built.mass))
+    _dimension(ax, (0.0, -depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(depth)} m", scale)
     if is_hollow and built.wall < side:
         between = f"{number(2.0 * built.wall)} m"
         _dimension(ax, (-built.wall, 0.09 * inch), (built.wall, 0.09 * inch), 0.12 * inch, between, scale)
     # The end of the swing to the right is the position that the label of the swing points to.
     mass, end = built.mass, built.rod * np.array([math.sin(built.angle), -math.cos(built.angle)])
-    damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad (damping ratio {p.damping_ratio:.3g})"
+    damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad\n(damping ratio {p.damping_ratio:.3g})"
     wide, high = (2.0 * float(x) for x in (built.body.radius(mass), built.body.half_height(mass)))
     size = f"{number(wide, 3)} m wide" + ("" if built.body.shape == "ball" else f", {number(high, 3)} m high")
     shape = f": {built.body.shape}" if built.is_solid else " (dotted: steel ball)"
@@ -275,7 +275,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         (f"beam with hinge and damper,\n{damper}", (0.0, 0.0)),
         (f"rod to the centre: {length}\n({number(p.length)} m in the equations)", (0.0, -0.4 * built.rod)),
         (f"bob, {number(mass)} kg{shape}\n{size}", (0.0, -built.rod)),
-        (f"depth below the hinge: {number(built.depth, 3)} m", (0.0, -built.depth)),
+        (f"depth below the hinge: {number(depth)} m", (0.0, -depth)),
     ]
     if built.angle > 0.0:
         name, degrees = scene.excitation.swing_in_drawing, math.degrees(built.angle)

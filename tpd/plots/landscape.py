@@ -106,7 +106,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
     across, up = (LABELS[name] for name in space.names[:2])
     ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
-    legend(ax, columns=3)
+    legend(ax)
     return ax
 
 
@@ -130,7 +130,7 @@ def _curve(ax: Axes, design: Design, trials: Trials, best: np.ndarray) -> Axes:
     _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
     _star(ax, design, np.array([best[column], trials.risk.at(space.logarithms(best[None]))[0][0]]))
     ax.set(xlabel=LABELS[space.names[0]], ylabel="tilt over ν in trial runs (-)", xlim=x[[0, -1]])
-    legend(ax, columns=3)
+    legend(ax)
     return ax
 
 

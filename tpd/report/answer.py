@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
-from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Summary, wrapped
-from tpd.report.summary import headline, other_reasons, summary
+from tpd.report.summary import summary
 
 MOST = 34
 """Largest number of lines. The command prints up to nine lines on block and excitation before the search, so
@@ -57,9 +55,3 @@ def in_lines(of: Summary, most: int = MOST) -> str:
 def _row(name: str, text: str) -> list[str]:
     """Return the lines of a row: its name, and its text beside it."""
     return wrapped(text, f"  {name:<{_NAME - 2}}", " " * _NAME)
-
-
-def verdict_lines(status: DesignStatus, reasons: Sequence[str]) -> list[str]:
-    """Return lines for the terminal: the reasons that the headline does not contain, then the headline."""
-    lines = [line for text in other_reasons(status, reasons) for line in _row("reason", text)]
-    return [*lines, headline(status, reasons)]

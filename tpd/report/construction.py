@@ -7,7 +7,7 @@ import math
 from tpd.core.formatting import interval, number, percent, with_and_without
 from tpd.design.as_built import ARM, NARROW, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import VALIDATED
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.words import COMPARISON, kept, point
 from tpd.scene.conditions import Normal
@@ -15,7 +15,7 @@ from tpd.scene.conditions import Normal
 _PULL = "pull-and-release test, above"
 _NAMES = {
     "": ("all quantities as stated", None),
-    "restitution": ("energy loss of an impact, 1 - e", _PULL),
+    "impact_loss": ("energy loss of an impact, 1 - e", _PULL),
     "friction": ("friction k of the rocking contact", _PULL),
     "slenderness": ("slenderness ν", "measure the bearing width of the base and the height of the centroid"),
     "amplitude": ("amplitude of the excitation", "from the source of the excitation"),
@@ -201,11 +201,17 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
     # The scatter is a share of e or a difference from it, but the table is about the loss 1 - e.
     share = {"restitution": e / (1.0 - e)} if e < 1.0 else {}
     validated = {
-        name: f"standard deviation {percent(width.deviation / (1.0 - e))}"
+        name.replace(
+            "restitution", "impact_loss"
+        ): f"standard deviation {percent(width.deviation / (1.0 - e))}"
         if isinstance(width, Normal)
         else f"±{percent(width * share.get(name, 1.0))}"
         for name, width in design.problem.scatter.items()
     }
+    # The runs scatter about every condition. Under ground motions the conditions are levels.
+    for name, factors in design.conditions.factors.items() if "conditions" in design.problem.pictures else ():
+        if (low := factors.min()) < (high := factors.max()):
+            validated[name] = f"{100.0 * (low - 1.0):+.0f} to {100.0 * (high - 1.0):+.0f} %"
     rows = tuple(
         (
             _NAMES[m.name][0],
@@ -222,12 +228,14 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
         "same linear runs in all rows. The row on impacts uses a fixed number e without scatter. "
         f"{COMPARISON}"
     )
-    if design.status is DesignStatus.recommended:
+    if design.status in VALIDATED:
         caption += " Column 2 gives the tolerances for which the benefit was validated."
     # A benefit is significant if the lower end of its interval is above zero.
     critical = [_NAMES[m.name][0] for m in details.sensitivity if not min(m.low.low, m.high.low) > 0.0]
     text = "The benefit remains significant in all of these cases."
-    if critical:
+    if not details.sensitivity[0].low.low > 0.0:
+        text = "These runs are too few for a significant benefit, even with all quantities as stated."
+    elif critical:
         text = f"If varied as in column 3, these make the benefit insignificant: {'; '.join(critical)}."
     return [*_narrower(design, details), *_lower_hinge(details), Table(head, rows, caption), Text(text)]
 

@@ -237,8 +237,9 @@ def _hypotheses(design: Design) -> Table:
         ("surviving runs", "runs in which the block does not overturn"),
         (
             "models",
-            "search: linear equations (25) of Collini et al. (2016) without their misprints, solved in "
-            "closed form; validation: nonlinear equations (4)",
+            "search: linear equations (25) of Collini et al. (2016) without their misprints, solved from "
+            "event to event (descents under harmonic excitation: with smoothed friction and impacts); "
+            "validation: nonlinear equations (4)",
         ),
         (
             "scatter",

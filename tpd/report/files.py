@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from html import escape
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -230,5 +231,24 @@ def _add_to_page(page: str, title: str, content: str, warning: str) -> str:
     if warning:
         head = f'{mark}<p class="danger">{escape(warning)}</p>{mark}\n'
         page = page.replace('<p class="verdict', head + '<p class="verdict', 1)
-    section = f"<section>\n<h2>{title}</h2>\n<pre>{escape(content)}</pre>\n</section>"
+    section = f"<section>\n<h2>{title}</h2>\n{_as_html(content)}\n</section>"
     return page.replace("</body>", f"{mark}{section}{mark}\n</body>", 1)
+
+
+def _as_html(content: str) -> str:
+    """Return a text as paragraphs, and as tables where consecutive lines have three or more columns."""
+    # Two or more spaces separate the columns of a table, see `tpd.core.formatting.aligned`.
+    lines = [re.split(r"\s{2,}", escape(line.strip())) for line in content.splitlines()]
+    out = list[str]()
+    for is_table, group in groupby(lines, lambda cells: len(cells) > 2):
+        rows = list(group)
+        if not is_table:
+            out.append(f"<p>{'<br>'.join(' '.join(cells) for cells in rows)}</p>")
+            continue
+        # The first heading of a table can be empty.
+        count = max(map(len, rows))
+        rows = [[""] * (count - len(cells)) + cells for cells in rows]
+        tags = ("th", *("td" for _ in rows[1:]))
+        cells = ("".join(f"<{tag}>{x}</{tag}>" for x in row) for tag, row in zip(tags, rows, strict=True))
+        out.append("<table>" + "".join(f"<tr>{x}</tr>\n" for x in cells) + "</table>")
+    return "\n".join(out)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
-from tpd.core.formatting import number, percent, unanswered
+from tpd.core.formatting import compared, number, percent, unanswered
 from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
+from tpd.design.reasons import reduced
 from tpd.design.sizes import MOTION_KINDS
 from tpd.limits import LABELS, STILL, Clearance
 from tpd.records.read import same_earthquakes
@@ -59,7 +61,8 @@ def over_runs(design: Design) -> list[Block]:
         return []
     cases = runs.with_pendulum, runs.without_pendulum
     rows: list[tuple[Cell, ...]] = []
-    worst = runs.change("worst severity")
+    # All rows of the table have the same runs, also those of the search records.
+    worst = replace(runs, counted=None).change("worst severity")
     shares = (percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
     rows.append(("mean tilt of the 10 % of the runs with the largest tilt (of ν)", *shares))
     # All ground motions begin at rest, and grow as recorded.
@@ -103,7 +106,7 @@ def _role(design: Design) -> str:
         return " The same runs decided whether the pendulum is recommended."
     n = len(design.validated) - 1
     before = f" {n} {'design was' if n == 1 else 'designs were'} rejected before." if n else ""
-    decided = words.reduced(best.decided, best.measure)
+    decided = reduced(best.decided, best.measure)
     counts = "were not used to choose the design, and their reduction counts"
     return f" These runs {counts}.{before} In the runs that were used, {decided}."
 
@@ -227,21 +230,22 @@ def limiting(design: Design, build: Build | None = None) -> list[Block]:
 
 def _utilisation(design: Design, build: Build | None) -> list[Block]:
     """Return a table of the limits with the utilisation by the best design."""
-    shares, limits = words.usage(design, build), {of.name: of for of in design.problem.limits}
+    shares = {name: x for name, x in design.usage.items() if not math.isnan(x)}
+    limits = {of.name: of for of in design.problem.limits}
     rows = tuple(
         (
             LABELS.get(name, name),
             words.limit(limits[name]) if name in limits else words.limit_of_size(name, design, build),
             _concerns(name, design),
-            percent(shares[name]) if name in shares else None,
+            compared(shares[name], 1.0, 0, percent)[0] if name in shares else None,
         )
         for name in {**limits, **shares}
     )
     # A rejected design shows by its utilisations which limit it exceeds.
     which = "recommended pendulum" if design.pendulum else "nearest design"
     caption = (
-        f"Utilisation: quantity of the {which} over its limit, in {words.kept(design)}. At 100 % the limit "
-        "is reached."
+        f"Utilisation: quantity of the {which} divided by its limit, in {words.kept(design)}. For the "
+        "reserve, a lower bound, it is the limit divided by the quantity. At 100 % the limit is reached."
     )
     return [Table(("quantity", "limit", "concerns", "utilisation"), rows, caption)] if shares else []
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.core.formatting import compared, number, percent
-from tpd.design.as_built import Build, Details
-from tpd.design.assess import alternatives, needless
+from tpd.core.formatting import compared, ends, number, percent
+from tpd.design.as_built import Details
+from tpd.design.assess import alternatives
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.wider_base import USUAL
-from tpd.limits import LABELS, Clearance, limit_of
+from tpd.limits import LABELS, MEASURED, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Summary, danger, note
 from tpd.report.notes import notes
@@ -25,8 +25,6 @@ from tpd.theory.no_uplift import SLIDES
 
 _USED = 0.95
 """Share of a limit that a design must use for the limit to be called active."""
-_REASONED = DesignStatus.not_recommended, DesignStatus.none_feasible, DesignStatus.undecided
-"""Statuses for which the first reason is more informative than the sentence of the status."""
 
 
 def summary(design: Design, details: Details, directory: Path | None = None, name: str = "") -> Summary:
@@ -48,43 +46,20 @@ def summary(design: Design, details: Details, directory: Path | None = None, nam
 
 
 def verdict(design: Design, details: Details | None = None) -> Note:
-    """Return the verdict: recommended with its benefit, or the reason why not.
-
-    The verdict is a danger if the pendulum that comes nearest makes the block overturn more often, or if its
-    bob touches a wall.
-    """
-    runs, best = design.runs, design.best
-    if design.status is DesignStatus.recommended and runs is not None and best is not None:
-        head, caution = "RECOMMENDED for the stated conditions", ""
-        if missing := words.missing(design):
-            head = f"NOT TO BE BUILT AS IT IS, because the search {' and '.join(missing)}"
-        losses = () if details is None else details.losses
-        # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
-        if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(words.energy_loss(case.name) for case in against)
-            caution = (
-                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
+    """Return the verdict of the design, with a caution if the benefit depends on the energy losses."""
+    caution = ""
+    # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
+    for case in () if details is None else details.losses:
+        _, significant = case.runs.reduction(case.measure)
+        # Fewer runs alone can make a benefit insignificant. The same runs must also show a difference.
+        if case.difference.high < 0.0 and not significant:
+            by, around = percent(-case.difference.mean), ends(-case.difference.high, -case.difference.low)
+            caution += (
+                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with losses by {words.energy_loss(case.name)} "
+                f"the reduction of the {MEASURED[case.measure]} is not significant, and it is smaller by "
+                f"{by[:-2]} points (95 % interval {around[:-2]}) than with the stated losses."
             )
-        result = words.reduction(runs, best.measure)
-        of = " It holds for this harmonic excitation only." if not design.problem.has_earthquakes else ""
-        return note(f"{head}: {result}.{caution}{of} This is not a safety assessment.")
-    # A block that does not rock needs its margin and not the number of rejected designs.
-    if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
-        return note(needless(design.problem))
-    kind = danger if design.pendulum is None and design.is_harmful else note
-    return kind(headline(design.status, design.refusals))
-
-
-def other_reasons(status: DesignStatus, reasons: Sequence[str]) -> Sequence[str]:
-    """Return the reasons that `headline` does not contain."""
-    return reasons[status in _REASONED :]
-
-
-def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
-    """Return the sentence of a status, with the first reason if that is more informative."""
-    if status in _REASONED and reasons:
-        return f"{status.value.partition(':')[0]}: {reasons[0]}."
-    return status.value
+    return (danger if design.is_danger else note)(design.verdict + caution)
 
 
 def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
@@ -107,14 +82,14 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "first guess", words.rule(details.rule, design.problem.allowed)
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
-        yield _clearance(design, design.best.over_limit, details.build)
-    yield from (("reason", text) for text in other_reasons(design.status, design.refusals))
+        yield _clearance(design, design.best.over_limit)
+    yield from (("reason", text) for text in design.status.other(design.refusals))
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
         if design.remedy:
             yield "inputs", design.remedy
         yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
-        yield "limits", active_limits(design, details)
+        yield "limits", active_limits(design)
     if design.runs is not None:
         yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates)[2:])
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
@@ -202,24 +177,25 @@ def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     yield "frequency", f"{number(build.frequency, 3)} Hz (period {period} s), undamped, block at rest"
 
 
-def _clearance(design: Design, over_limit: float, build: Build | None) -> tuple[str, str]:
+def _clearance(design: Design, over_limit: float) -> tuple[str, str]:
     """Return a row on how often the runs exceed a limit, and how near to the wall the bob comes."""
     allowed = design.problem.allowed
     text = words.exceeding(over_limit, allowed)
     # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.
     if limit_of(design.problem.limits, Clearance) is None:
         return "runs", text
-    if build is not None and not math.isnan(build.reach):
-        within, wall = compared(build.reach, build.wall, 3)
-        reach = f"the bob stays within {within} m of the block's axis"
-        text += f"; in {percent(1.0 - allowed)} of these runs {reach}; the wall is at {wall} m"
+    if not math.isnan(used := design.usage[Clearance.name]):
+        wall = number(0.5 * float(design.scene.block.clear_width))
+        share = compared(used, 1.0, 0, percent)[0]
+        text += f"; in {percent(1.0 - allowed)} of these runs the bob uses at most {share} of the distance "
+        text += f"between axis and wall, {wall} m as stated"
     return "clearance", text
 
 
-def active_limits(design: Design, details: Details) -> str:
+def active_limits(design: Design) -> str:
     """List the active limits, and the bounds of the search that the design lies on."""
-    shares = words.usage(design, details.build)
-    active = [f"{LABELS.get(n, n)}, utilisation {percent(x)}" for n, x in shares.items() if x >= _USED]
+    shares = {LABELS.get(name, name): x for name, x in design.usage.items() if x >= _USED}
+    active = [f"{label}, utilisation {compared(x, 1.0, 0, percent)[0]}" for label, x in shares.items()]
     listed = "; ".join([*active, *design.at_bounds])
     return f"active: {listed}" if listed else "no limit is active"
 

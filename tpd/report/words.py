@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import compared, ends, number, percent, unanswered, with_and_without
-from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, MEASURED, THICKNESS, Clearance, Limit, Reserve, limit_of
+from tpd.core.formatting import compared, number, percent, unanswered, with_and_without
+from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.bob import THICKEST
@@ -147,16 +147,6 @@ def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
     return f"{text}: {number(THICKEST * build.rod, 3)} m"
 
 
-def missing(design: Design) -> list[str]:
-    """List what the search left out although a design that is to be built needs it."""
-    parts = []
-    if len(design.conditions) == 1:
-        parts.append("considered only one excitation")
-    if limit_of(design.problem.limits, Clearance) is None:
-        parts.append("assumed a bob without size and no walls")
-    return parts
-
-
 def range_of_mass(design: Design) -> str:
     """Return the range of masses that perform equally well, as the end of a sentence.
 
@@ -175,22 +165,6 @@ def group(part: Part) -> str:
     """Return a line for the terminal with the mean tilts of one group of ground motions."""
     tilts = with_and_without(part.with_pendulum, part.without_pendulum)
     return f"  {part.label} ({part.rows.sum()} runs): mean tilt, as a share of ν, {tilts}"
-
-
-def usage(design: Design, build: Any = None) -> dict[str, float]:
-    """Return the utilisation of each limit by the best design, by the name of the limit.
-
-    Args:
-        design: the answer of `optimise`.
-        build: the `tpd.design.as_built.Build` of the design, or None.
-    """
-    # A reserve is a lower bound, so the share of it that is used has no meaning. A share is unknown if the
-    # block stands in no validation run.
-    shares = {name: x for name, x in design.usage.items() if name != "reserve" and not math.isnan(x)}
-    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in shares:
-        # The distance in the validation runs is more informative than the ratio at nominal values.
-        shares["clearance"] = build.reach / build.wall
-    return shares
 
 
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
@@ -217,60 +191,6 @@ def overturned_between(responses: Sequence[Response], low: float, high: float) -
     unit = UNITS.get(responses[0].name, "")
     between = f"{low:.3g} and {high:.3g} {unit}".rstrip()
     return f"share of the runs from rest between {between} that overturn: {', '.join(shares)}"
-
-
-def reduction(runs: PairedRuns, measure: str) -> str:
-    """Return sentences with the share of the runs that still overturn, and then with the reductions of both
-    measures and their intervals, without the final period.
-
-    The required measure comes first. The reduction of overturning is left out if it is rare and was not
-    required, or if no run overturns without the pendulum.
-    """
-    usual, other = runs.first_measure, "tilt" if measure == "overturning" else "overturning"
-    measures = [measure, *([] if other == "overturning" != usual else [other])]
-    if runs.change("overturned").without_pendulum == 0.0:
-        measures = ["tilt"]
-    first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
-    if runs.change("overturned").without_pendulum > 0.0:
-        # The mean may fall mainly because fewer runs overturn, which count as 100 %.
-        tilt = runs.change("median severity")
-        pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
-        others.append(
-            f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
-            f"({without} without it)"
-        )
-    if runs.passed is not None:
-        others.append("the intervals allow for the fact that these runs also decided")
-    return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
-
-
-def overturned(runs: PairedRuns) -> str:
-    """Return a clause with the shares of the runs that overturn with and without the pendulum."""
-    shares = runs.change("overturned")
-    pendulum, without = (percent(x, 1) for x in (shares.with_pendulum, shares.without_pendulum))
-    if shares.with_pendulum > 0.0:
-        still = "still " if shares.without_pendulum > 0.0 else ""
-        return f"with the pendulum {pendulum} of the runs {still}overturn ({without} without it)"
-    if shares.without_pendulum > 0.0:
-        return f"with the pendulum no run overturns ({without} without it)"
-    return "no run overturns, with the pendulum or without it"
-
-
-def reduced(runs: PairedRuns, measure: str) -> str:
-    """Return a clause with the reduction of one measure of `tpd.limits.MEASURED`, and its interval."""
-    size, significant = runs.reduction(measure)
-    name = MEASURED[measure]
-    if math.isnan(size.mean):
-        return f"the reduction of the {name} is unknown"
-    is_less, by, around = size.fall_in_words()
-    doubt = ", which is not significant" if is_less and not significant else ""
-    if runs.passed is not None and around:
-        # The estimate given the decision can be negative for runs that passed by a small margin.
-        alone = runs.unconditional.reduction(measure)[0].mean
-        change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
-        true = f"its true reduction is between {ends(size.low, size.high, word='and')} (95 % interval)"
-        return f"the {name} {change} in these runs{doubt}; {true}"
-    return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{doubt}"
 
 
 def comparison(runs: PairedRuns) -> Table:
