@@ -356,7 +356,7 @@ def _settle(q, m, w, s, since, ramp, trial, out):
     The run starts from its state at tau = `since`. `trial` is another motion.
     """
     y, cubics, scales, events = m.y, np.empty((0, 4)), _scaled(q, w), int(s.events)
-    past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
+    past, peaks = np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2)
     copy_to(y, past[NEWEST].y)
     reset_counts(m)
     f, ramp_end = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
@@ -402,8 +402,7 @@ def _settle(q, m, w, s, since, ramp, trial, out):
 @compiled
 def _is_symmetric(q, m, w, s, y):
     """Whether a periodic motion with the state `y` at tau = 0 is its own mirror image half a period later."""
-    f, half, past = steady(np.empty((0, 4))), math.pi / q.xi, np.zeros(1, repetition.PERIOD)
-    copy_to(y, past[NEWEST].y)
+    f, half = steady(np.empty((0, 4))), math.pi / q.xi
     # The mirror image of a motion, half a period later, is a motion too. Both are equal if they reach the
     # same state.
     for i in range(4):
@@ -412,7 +411,7 @@ def _is_symmetric(q, m, w, s, y):
     decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), forcing_now(q, f, half), m)
     arrived = _one_period(q, f, m, w, half, 0.0, int(s.events)) == ARRIVED
     reach = max(s.tolerance, SYMMETRIC)
-    return arrived and repetition.repeats_after(q, m.y, past, 1, repetition.scales_of(q), reach) == 1
+    return arrived and repetition.distance(q, m.y, y, repetition.scales_of(q)) < reach
 
 
 @compiled
