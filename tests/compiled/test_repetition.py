@@ -26,7 +26,9 @@ def interpreted(monkeypatch):
 
 
 def after(past, *, mu=0.1):
-    return r.repeats_after.py_func(SimpleNamespace(mu=mu, zeta=0.1), STATE, Past(past), len(past), np.ones(4), 1e-8)
+    return r.repeats_after.py_func(
+        SimpleNamespace(mu=mu, zeta=0.1), STATE, Past(past), len(past), np.ones(4), 1e-8
+    )
 
 
 @pytest.mark.parametrize(("period", "expected"), [(1, 1), (3, 3), (8, 8), (0, 0)])

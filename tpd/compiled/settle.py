@@ -199,7 +199,11 @@ def settle(x, buffers, s, since, ramp, whole, out):
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, (STATE, INPUTS), NEARBY)
-    past, gap, gap_periods = Past(np.zeros(repetition.LONGEST + 1, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
+    past, gap, gap_periods = (
+        Past(np.zeros(repetition.LONGEST + 1, repetition.PERIOD), np.zeros(2)),
+        0.0,
+        _NONE,
+    )
     last, peaks = past.periods, past.peaks
     copy_to(y, last[0].y)
     reset_counts(m)
