@@ -40,7 +40,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     lines = max(_FEWEST_LINES, answer.MOST - len(messages))
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     show = partial(_show, options, lines)
-    how = {"then": show, "warn": lambda message: say(f"tpd: {message}")}
+    how = {"overwrite": options.overwrite, "then": show, "warn": lambda message: say(f"tpd: {message}")}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 

@@ -88,7 +88,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 
         return animate(scene, pendulum, list(films.values()))
 
-    outputs.write(options.out, numbers, {"histories.png": draw, "animation.gif": film})
+    pictures = {"histories.png": draw, "animation.gif": film}
+    outputs.write(options.out, numbers, pictures, overwrite=options.overwrite)
     # The last case is the one with the pendulum, if there is one. Its outcome decides the exit status.
     last = list(motions.values())[-1][0].status
     return SOUND if is_one_of(last, *STANDING) else UNSOUND
