@@ -249,7 +249,7 @@ def test_a_fold_curve_stops_at_the_largest_number_of_points():
     assert len(curve.points) <= 29
 
 
-def test_folds_far_from_those_of_the_one_harmonic_balance_are_found():
+def test_folds_far_from_those_of_the_one_harmonic_balance_have_a_curve():
     p = Parameters(nu=0.35, mu=0.26, lam=0.176, zeta=0.3, k=0.0001, f=0.28, xi=3.62, e=0.6)
     curve = fold_curve(p, "mu", "f", x_range=(0.13, 0.42), y_range=(0.14, 0.45))
     laws = [float(theory.fold(at(p, curve, place)).f) for place in curve.points]

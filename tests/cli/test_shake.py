@@ -79,7 +79,7 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert done.status == 3
     assert "event_bound" in done.out
-    assert "equations have no solution" in done.out
+    assert "model has no result" in done.out
 
 
 def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
@@ -144,15 +144,15 @@ def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
 @pytest.mark.parametrize(
     ("tilts", "sentence"),
     [
-        ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear equations)."),
-        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear equations)."),
+        ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear model)."),
+        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear model)."),
         ((math.inf, math.inf), "The block overturns in both cases."),
         ((math.inf, 0.1), "The block overturns only without the pendulum."),
         ((0.1, math.inf), "The block overturns only with the pendulum."),
         ((0.0, math.inf), "The block overturns only with the pendulum."),
         ((0.0, 0.0), "The block does not lift in either case."),
         ((0.0, 0.1), "The block lifts only with the pendulum."),
-        ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear equations)."),
+        ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear model)."),
         ((math.nan, 0.1), ""),
     ],
 )

@@ -60,7 +60,7 @@ def claim(path: Path, *, overwrite: bool, is_file: bool = False) -> None:
             raise ValueError(f"cannot write the report: {path} is a file, not a directory")
         if nearest == path and not overwrite:
             if is_file or any(_visible(path)):
-                raise _taken(path, is_file)
+                raise _exists_error(path, is_file)
             # The user has removed the files of an earlier result.
             (path / _LIST).unlink(missing_ok=True)
         # Folders are created when the results are written: invalid input leaves no folder behind.
@@ -80,7 +80,7 @@ def _exists(path: Path) -> bool:
     return False
 
 
-def _taken(path: Path, is_file: bool) -> ValueError:
+def _exists_error(path: Path, is_file: bool) -> ValueError:
     """Return the error for a file, or a folder with files, that may not be overwritten."""
     what, other = ("exists already", "name") if is_file else ("already contains files", "directory")
     return ValueError(f"{path} {what}: choose another {other} with --out, or pass --overwrite")
@@ -155,7 +155,7 @@ def place(path: Path, content: str | bytes, of: str = "", *, overwrite: bool = T
                     # Of several processes only one can create the file.
                     path.touch(exist_ok=False)
                 except FileExistsError:
-                    raise _taken(path.parent if path == listed else path, path != listed) from None
+                    raise _exists_error(path.parent if path == listed else path, path != listed) from None
             Path(name).replace(path)
         except BaseException:
             _remove([Path(name)])
@@ -209,7 +209,7 @@ class Results:
             place(folder / _LIST, as_json({}), overwrite=False)
             if any(_visible(folder)):
                 _remove([folder / _LIST])
-                raise _taken(folder, is_file=False)
+                raise _exists_error(folder, is_file=False)
         listed = _listed(folder)
         for name, (of, digest) in listed.items():
             # The name must not contain a folder: a list from elsewhere must not lead out of this one.
