@@ -61,7 +61,7 @@ def test_shake_prints_the_swing_of_both_models_and_counts_strong_impacts(run):
     bob = "--mass-ratio 0.05 --pendulum-length 1.3 --record el-centro"
     done = run("shake", column, bob)
     assert done.status == 0
-    assert "nonlinear equations    linear equations" in done.out
+    assert "nonlinear model        linear model" in done.out
     swings = [line.split()[-2:] for line in done.out.splitlines() if "largest swing" in line]
     assert swings == [["0.4428", "0.3769"]]
     results = done.json("shake.json")["results"]["with the pendulum"]
@@ -99,10 +99,10 @@ def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
 def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path, complete):
     place, name = files.place, "impacts.csv" if complete else "shake.json"
 
-    def full(path, content, of=""):
+    def full(path, content, of="", **how):
         if path.name == name:
             monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
-        return place(path, content, of)
+        return place(path, content, of, **how)
 
     monkeypatch.setattr(files, "place", full)
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
