@@ -35,6 +35,8 @@ _PART, _LIST = f"{_OWN}part-", f"{_OWN}files"
 files of results in a folder, with their checksums."""
 REPORT = "design.json"
 """Main file of a report of `tpd optimise`."""
+_FORMULA = tuple("=+-@\t\r")
+"""First characters of a text that a spreadsheet evaluates."""
 _FEW = 9
 """Largest number of files that a message lists."""
 _WARNINGS: set[str] = set()
@@ -339,13 +341,9 @@ def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     for row in rows:
         # Every program reads an empty cell as a missing value, but not a word such as "nan".
         cells = ("; ".join(map(str, x)) if isinstance(x, (list, tuple)) else x for x in row)
-        writer.writerow(["" if x != x else f"'{x}" if _is_formula(x) else x for x in cells])
+        cells = (f"'{x}" if isinstance(x, str) and x[:1] in _FORMULA else x for x in cells)
+        writer.writerow(["" if x != x else x for x in cells])
     return text.getvalue()
-
-
-def _is_formula(cell: Any) -> bool:
-    """Whether a spreadsheet evaluates a text, such as the name of a file."""
-    return isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r"))
 
 
 def as_table(columns: Mapping[str, Any]) -> str:
