@@ -192,6 +192,22 @@ def test_text_for_users_keeps_to_the_glossary(word):
     assert not found, f"write {FORBIDDEN[word]}:\n" + "\n".join(found)
 
 
+@pytest.mark.parametrize(
+    ("word", "folders"),
+    # The rows of the report still have "linear equations" and "settled" for the runs.
+    [(r"velocity ratio", TEXT_FOR_USERS), (r"linear equations|steady[- ]state (tilt|swing)", ("cli",))],
+)
+def test_printed_text_has_one_term_for_each_concept(word, folders):
+    found = [
+        f"{name_of(path)}:{line}: {text.strip()}"
+        for path in FILES
+        if path.relative_to(ROOT).parts[0] in folders
+        for line, text in strings(path)
+        if re.search(word, text)
+    ]
+    assert not found, "\n".join(found)
+
+
 @pytest.mark.parametrize("word", COMPETING | FORBIDDEN)
 def test_the_guide_has_one_term_for_each_concept(word):
     # Other tests check the sources of generated pages, and old names are in the page of changes.

@@ -7,8 +7,8 @@ The table lists the equations of the paper (Collini et al. 2016) and the functio
 Misprinted equations are corrected, see `tpd.theory.paper`. `tests/test_equation_table.py` compares each
 function with its equation.
 
-A folder imports only from the folders before it in this list: formats, core, cluster, scene, records, theory,
-exact, models, answers, engines, design, plots, report, explore, cli.
+A folder imports only from the folders before it in this list: core, formats, cluster, scene, records, theory,
+compiled, models, answers, engines, design, plots, report, explore, cli.
 
 | equation | content | function |
 |---|---|---|

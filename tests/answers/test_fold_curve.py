@@ -249,6 +249,16 @@ def test_a_fold_curve_stops_at_the_largest_number_of_points():
     assert len(curve.points) <= 29
 
 
+def test_folds_far_from_those_of_the_one_harmonic_balance_have_a_curve():
+    p = Parameters(nu=0.35, mu=0.26, lam=0.176, zeta=0.3, k=0.0001, f=0.28, xi=3.62, e=0.6)
+    curve = fold_curve(p, "mu", "f", x_range=(0.13, 0.42), y_range=(0.14, 0.45))
+    laws = [float(theory.fold(at(p, curve, place)).f) for place in curve.points]
+    assert np.all(curve.points[:, 1] / laws > 1.05)
+    place, step = curve.points[len(laws) // 2], np.array([0.0, 1e-4])
+    assert has_orbit(at(p, curve, place + step))
+    assert not has_orbit(at(p, curve, place - step))
+
+
 def test_a_range_without_a_fold_has_an_empty_curve():
     curve = fold_curve(scene(0), "k", "f", x_range=(0.01, 0.02), y_range=(0.5, 0.9))
     assert curve.points.shape == curve.tangents.shape == curve.gradients.shape == (0, 2)

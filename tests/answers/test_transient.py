@@ -1,5 +1,6 @@
 """Motions under pulses and records: to 50 digits, with derivatives, by both equations, and refusals."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -368,6 +369,13 @@ def test_a_nonlinear_transient_has_the_status_stood_rocked_or_overturned():
     fallen, said = end(tpd.Pulse.one_sine(acceleration=GRAVITY, frequency=0.7))
     assert said == ("overturned", math.inf)
     assert 1.4 < float(fallen.overturning_time) < 5.0
+    # The outcome does not depend on the time after which the run would end.
+    for size, with_it in itertools.product(np.linspace(2.0, 10.0, 9), (PENDULUM, None)):
+        motion = tpd.Pulse.one_sine(acceleration=size, frequency=0.7)
+        until = [end(motion, with_it, free=free)[0] for free in (0.0, 1.0, 20.0)]
+        assert {named(x) for x in until} == {"rocked" if size < 2.5 else "overturned"}
+        if size > 2.5:
+            assert float(until[0].overturning_time) == pytest.approx(float(until[2].overturning_time))
     assert end(sine(2.0), None, max_events=4)[1][0] == "event_bound"
 
 

@@ -61,7 +61,12 @@ def _regret(rows: Rows) -> tuple[str, bool]:
     every, near = stored.module("regret").summary(rows), stored.module("regret").NEAR
     missed, searches = sum(r["missed"] for r in every), sum(len(r["searches"]) for r in every)
     worst = max((r["worst"] for r in every if r["worst"] is not None), default=math.nan)
-    none = f", of which {missed} recommend nothing" if missed else ""
+    nothing = sum(s["status"] != "recommended" for r in every for s in r["searches"])
+    none = (
+        f", of which {nothing} recommend nothing, {missed} of them although a design is known"
+        if missed
+        else ""
+    )
     return f"{100.0 * worst:.2f} points in {searches} searches{none}", not missed and worst <= near
 
 

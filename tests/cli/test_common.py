@@ -154,7 +154,7 @@ map MAP --points 3000 | `--points` must be a whole number, 2 to 2000, but is 300
 check absent | cannot read absent: No such file or directory
 check | a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length
 check absent BOB | absent contains a scene and a pendulum: give either DESIGN or options for these
-response --out LONG | cannot use xxx
+response --out LONG | cannot write to xxx
 check BOB --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
 check BOB --engine drake | argument --engine: invalid choice: 'drake'
 check BOB --runs 5 | --runs has an effect only together with --engine

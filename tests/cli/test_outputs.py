@@ -13,7 +13,12 @@ def test_numbers_are_written_before_pictures_and_a_failed_picture_gets_one_messa
     def draws():
         return Figure().subplots()
 
-    outputs.write(tmp_path, [("a.csv", "1\n")], {"b.png": fails, "c.png": draws, "d.gif": lambda: b"GIF"})
+    outputs.write(
+        tmp_path,
+        [("a.csv", "1\n")],
+        {"b.png": fails, "c.png": draws, "d.gif": lambda: b"GIF"},
+        overwrite=False,
+    )
     out, err = capsys.readouterr()
     assert out.splitlines() == [f"written: {tmp_path / name}" for name in ("a.csv", "c.png", "d.gif")]
     assert err == "tpd: b.png is not drawn: no colours\n"

@@ -61,7 +61,7 @@ def test_shake_prints_the_swing_of_both_models_and_counts_strong_impacts(run):
     bob = "--mass-ratio 0.05 --pendulum-length 1.3 --record el-centro"
     done = run("shake", column, bob)
     assert done.status == 0
-    assert "nonlinear equations    linear equations" in done.out
+    assert "nonlinear model        linear model" in done.out
     swings = [line.split()[-2:] for line in done.out.splitlines() if "largest swing" in line]
     assert swings == [["0.4428", "0.3769"]]
     results = done.json("shake.json")["results"]["with the pendulum"]
@@ -79,7 +79,7 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert done.status == 3
     assert "event_bound" in done.out
-    assert "equations have no solution" in done.out
+    assert "model has no result" in done.out
 
 
 def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
@@ -99,10 +99,10 @@ def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
 def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path, complete):
     place, name = files.place, "impacts.csv" if complete else "shake.json"
 
-    def full(path, content, of=""):
+    def full(path, content, of="", **how):
         if path.name == name:
             monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
-        return place(path, content, of)
+        return place(path, content, of, **how)
 
     monkeypatch.setattr(files, "place", full)
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
@@ -144,15 +144,15 @@ def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
 @pytest.mark.parametrize(
     ("tilts", "sentence"),
     [
-        ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear equations)."),
-        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear equations)."),
+        ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear model)."),
+        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear model)."),
         ((math.inf, math.inf), "The block overturns in both cases."),
         ((math.inf, 0.1), "The block overturns only without the pendulum."),
         ((0.1, math.inf), "The block overturns only with the pendulum."),
         ((0.0, math.inf), "The block overturns only with the pendulum."),
         ((0.0, 0.0), "The block does not lift in either case."),
         ((0.0, 0.1), "The block lifts only with the pendulum."),
-        ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear equations)."),
+        ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear model)."),
         ((math.nan, 0.1), ""),
     ],
 )

@@ -20,8 +20,15 @@ class Past:
         return self.states[key[0]][key[1]] if isinstance(key, tuple) else SimpleNamespace(y=self.states[key])
 
 
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch):
+    monkeypatch.setattr(r, "distance", r.distance.py_func)
+
+
 def after(past, *, mu=0.1):
-    return r.repeats_after.py_func(SimpleNamespace(mu=mu), STATE, Past(past), len(past), np.ones(4), 1e-8)
+    return r.repeats_after.py_func(
+        SimpleNamespace(mu=mu, zeta=0.1), STATE, Past(past), len(past), np.ones(4), 1e-8
+    )
 
 
 @pytest.mark.parametrize(("period", "expected"), [(1, 1), (3, 3), (8, 8), (0, 0)])
@@ -31,9 +38,15 @@ def test_the_period_is_the_number_of_cycles_after_which_the_state_returns(period
 
 def test_the_shortest_of_several_close_periods_is_chosen():
     # On its way to period one a motion may alternate.
-    assert after([STATE + 5e-7, STATE + 1e-9]) == 1
-    assert after([STATE + 5e-6, STATE + 1e-9]) == 2
+    assert after([STATE + 5e-7, STATE + 1e-9, STATE - 5e-7]) == 1
+    assert after([STATE + 5e-6, STATE + 1e-9, STATE - 5e-6]) == 2
     assert after([STATE + 5e-7]) == 0
+
+
+@pytest.mark.parametrize(("before", "expected"), [(3.5e-9, 0), (4.5e-9, 1)])
+def test_a_motion_that_decays_slowly_has_not_settled(before, expected):
+    # If the change falls from 4e-9 to 3e-9 in a period, all further changes together are 9e-9.
+    assert after([STATE + 3e-9, STATE + 3e-9 + before, STATE + 3e-9 + 2.2 * before]) == expected
 
 
 def test_a_bob_without_mass_does_not_affect_the_period():

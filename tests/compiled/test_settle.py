@@ -82,6 +82,15 @@ def hops(x, tilt, quiet):
     return int(run.impacts)
 
 
+def test_a_very_overdamped_bob_settles_to_the_motion_of_a_smaller_tolerance():
+    numbers = {"nu": 0.18659915, "mu": 0.01880935, "lam": 1.17302665, "zeta": 69.50670934, "k": 0.02775378}
+    p = Parameters(**numbers, f=0.22147615, xi=2.48749265, rho=0.72475783, e=0.90762474, kappa=2.0)
+    start = np.array([-0.00067411, 0.0, 0.0, 0.0])
+    quick, slow = (settled(Terms.linear, p, start, tolerance=x, periods=1000) for x in (1e-6, 1e-10))
+    # The change in a period falls below the tolerance long before the bob has settled.
+    assert float(quick.settled_swing) == pytest.approx(float(slow.settled_swing), rel=0.01)
+
+
 def test_the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed():
     nu, e, tilt = 0.2, 0.8, 0.01
     # Without friction every hop lands as fast as it began: speeds fall by e.

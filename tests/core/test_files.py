@@ -75,6 +75,9 @@ def test_infinite_and_missing_numbers_are_words_in_json_and_empty_in_csv():
 def test_a_table_has_empty_cells_for_missing_numbers_and_no_lists():
     rows = [(math.nan, ["first note", "second"], 1), (np.float64("nan"), [], None), (math.inf, ("x",), "y")]
     assert files.as_csv(["a", "b", "c"], rows) == "a,b,c\n,first note; second,1\n,,\ninf,x,y\n"
+    # A spreadsheet would evaluate these names of files.
+    names = ["=1+1.csv", "@a", "-b", "+c", "d-e"]
+    assert files.as_csv(["x"], [[x] for x in names]) == "x\n'=1+1.csv\n'@a\n'-b\n'+c\nd-e\n"
 
 
 def test_the_date_of_a_report_can_be_set_by_the_environment(monkeypatch):
@@ -123,16 +126,18 @@ def test_a_full_disk_leaves_no_part_of_a_result(tmp_path, monkeypatch, space):
     for out in (tmp_path / "new" / "out", tmp_path):
         Small.space = space
         with pytest.raises(OSError, match="No space left"):
-            outputs.write(out, tables, {"c.png": lambda: b"x" * 400})
+            outputs.write(out, tables, {"c.png": lambda: b"x" * 400}, overwrite=True)
         assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
     Small.space = 10_000
-    outputs.write(tmp_path / "new" / "out", tables, {"c.png": lambda: b"x" * 400})
+    outputs.write(tmp_path / "new" / "out", tables, {"c.png": lambda: b"x" * 400}, overwrite=True)
     assert {p.name for p in (tmp_path / "new" / "out").glob("[!.]*")} == {"a.csv", "b.json", "c.png"}
 
 
 def test_files_of_an_earlier_result_are_removed_and_other_files_are_reported(tmp_path, capsys):
     def write(main, *pictures):
-        outputs.write(tmp_path, [(main, "1\n")], {name: lambda: b"picture" for name in pictures})
+        outputs.write(
+            tmp_path, [(main, "1\n")], {name: lambda: b"picture" for name in pictures}, overwrite=True
+        )
         return capsys.readouterr().err
 
     assert write("a.json", "a.png", "b.png", "c.png") == ""
@@ -167,6 +172,43 @@ def test_an_error_of_a_path_states_the_path(tmp_path):
         files.place(long, "content")
     assert refused.value.filename == str(long)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("is_file", [False, True])
+def test_a_path_that_cannot_exist_is_rejected_before_the_work(tmp_path, is_file):
+    (tmp_path / "file").write_text("")
+    long = "x" * 300
+    reasons = {long: "name too long", "file/a": "Not a directory", f"new/{long}": "name too long"}
+    for path, reason in reasons.items():
+        with pytest.raises(ValueError, match=f"cannot write to .*{reason}"):
+            files.claim(tmp_path / path, overwrite=True, is_file=is_file)
+
+
+def test_results_that_appear_during_the_work_are_not_replaced(tmp_path):
+    out, file, link = (tmp_path / name for name in ("out", "model.xml", "link"))
+    files.claim(out, overwrite=False)
+    outputs.write(out, [("a.json", "first")], {}, overwrite=False)
+    for name in ("a.json", "b.json"):
+        with pytest.raises(ValueError, match="out already contains files: choose another directory"):
+            outputs.write(out, [(name, "second")], {}, overwrite=False)
+    assert [(x.name, x.read_text()) for x in out.glob("[!.]*")] == [("a.json", "first")]
+    # Without its files the folder is free again, although their list remains.
+    (out / "a.json").unlink()
+    files.claim(out, overwrite=False)
+    outputs.write(out, [("b.json", "third")], {}, overwrite=False)
+    files.claim(file, overwrite=False, is_file=True)
+    file.write_text("first")
+    link.symlink_to(tmp_path / "nothing")
+    for path in (file, link):
+        with pytest.raises(ValueError, match="exists already: choose another name with --out"):
+            files.claim(path, overwrite=False, is_file=True)
+        with pytest.raises(ValueError, match="exists already: choose another name with --out"):
+            files.place(path, "second", overwrite=False)
+    assert file.read_text() == "first"
+    assert not link.exists()
+    # A name that exists is meant, whatever its characters are.
+    (tmp_path / "a\nb").write_text("")
+    assert files.path_of(tmp_path / "a\nb").exists()
 
 
 def test_a_full_disk_and_a_dangling_link_are_reported_before_the_work(tmp_path, monkeypatch):

@@ -4,9 +4,11 @@ import os
 import subprocess
 import sys
 
+import jax
 import pytest
 
 from tests.damage import WAYS, damage
+from tpd.core import jax_setup
 
 CACHED = """
 import jax
@@ -93,3 +95,13 @@ def test_a_cache_that_cannot_be_written_gives_one_warning():
         assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
         assert "/proc/nowhere" in said
         assert "cannot be written to" in said
+
+
+@pytest.mark.parametrize("error", [RuntimeError("Unknown backend cpu"), AssertionError()])
+def test_platforms_without_the_cpu_or_without_a_device_are_rejected_in_one_sentence(monkeypatch, error):
+    def devices(backend):
+        raise error
+
+    monkeypatch.setattr(jax, "local_devices", devices)
+    with pytest.raises(ValueError, match="`JAX_PLATFORMS` must name devices of this machine and include"):
+        jax_setup.cpu()

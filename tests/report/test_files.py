@@ -28,7 +28,7 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
 def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
     toml = "[block]\nwidth = 0.1\n"
-    written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml)
+    written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml, overwrite=True)
     names = [path.name for path in written]
     data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv", "trials.csv"]
     drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
@@ -45,11 +45,14 @@ def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monke
 
 def test_a_report_replaces_the_files_of_the_previous_report(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
-    write(tmp_path, harmonic(), details(), {}, "[block]")
+    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
     (tmp_path / "explore.html").write_text("a page of the user")
     (tmp_path / "animation.gif").rename(tmp_path / "mine.gif")
     said = []
-    names = {path.name for path in write(tmp_path, harmonic(), Details(), {}, "[block]", warn=said.append)}
+    names = {
+        path.name
+        for path in write(tmp_path, harmonic(), Details(), {}, "[block]", overwrite=True, warn=said.append)
+    }
     assert not {"motion.csv", "animation.gif", "response.svg"} & names
     left = {path.name for path in tmp_path.glob("[!.]*")}
     assert left == names | {"explore.html", "mine.gif"}
@@ -153,7 +156,7 @@ def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_pat
     there, said = [], []
     job = harmonic(), details(), {}, "[block]"
     then = lambda _: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
-    written = write(tmp_path, *job, then=then, warn=said.append)
+    written = write(tmp_path, *job, overwrite=True, then=then, warn=said.append)
     assert set(there) == {
         "report.txt",
         "design.json",

@@ -61,7 +61,7 @@ def test_bob_and_block_resonate_at_odd_fractions_of_the_swinging_mode():
     nu, mu, lam = 0.2, 0.01, 1.0
     rho = 0.75 / (1 + nu**2)
     mass = np.array([[1 + mu * rho * (4 + nu**2), -2 * mu * rho * lam], [-2 * rho, lam * rho]])
-    swinging = np.sqrt(-np.linalg.eigvals(np.linalg.solve(mass, np.diag([1 + 2 * mu, -1.0]))).min())
+    swinging = np.sqrt(-np.linalg.eigvals(np.linalg.solve(mass, np.diag([1 + 2 * mu, -1.0]))).real.min())
     sides = swinging * np.array([0.9999, 1.0001])
     for share in (1.0, 1 / 3, 1 / 5):
         low, high = (float(free_motion(still(nu, mu, lam, share * x)).amplitude) for x in sides)

@@ -2,8 +2,8 @@
 
 At a fold the largest symmetric orbit and the saddle merge and vanish. The fold is a zero of three functions
 of crossing time, phase and parameters (`tpd.compiled.orbits.Vanishing`), so two parameters leave a curve
-in four unknowns. The fold of the one-harmonic balance (`tpd.theory.fold`) is the initial guess, and
-pseudo-arclength continuation follows the curve: a step along the tangent, then Newton's method in the plane
+in four unknowns. Two orbits that merge between points of a grid are the initial guess, and pseudo-arclength
+continuation follows the curve: a step along the tangent, then Newton's method in the plane
 normal to the tangent. The curve can therefore turn back in either parameter.
 """
 
@@ -15,18 +15,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from tpd.answers.design_map import check_together, line_of
-from tpd.compiled.columns import CROSSED, MERGED, TURNING, XI, F
-from tpd.compiled.orbits import sample_path, vanishing
+from tpd.compiled.columns import CROSSED, MERGED, SIZES, TURNING, XI, F
+from tpd.compiled.orbits import sample_path, solve_orbits, vanishing
 from tpd.core import checks
 from tpd.core.formatting import Printed, span
-from tpd.scene.parameters import NAMES, Parameters, from_row
+from tpd.scene.parameters import NAMES, Parameters
 from tpd.scene.quantities import UNITS, Setup, named
 from tpd.scene.scene import Pendulum, Scene
-from tpd.theory.harmonic_balance import fold
 
 _RANGES: dict[str, tuple[float, float]] = {
     **{"nu": (0.05, 0.5), "mu": (0.0, 1.0), "lam": (0.05, 3.0), "zeta": (0.0, 1.0), "k": (0.0, 0.3)},
@@ -45,9 +44,8 @@ _FAR = 0.3
 _CONVERGED, _MOST_STEPS = 1e-9, 12
 """Newton step at which the error is at rounding, because the next step would be of the size of its square,
 and largest number of steps."""
-_GRID, _GUESSES, _OFF = 65, 50, 0.05
-"""Number of values of each parameter at which folds of the balance are computed, largest number of first
-guesses, and error of the balance as a share of the forcing."""
+_GRID, _GUESSES = 65, 50
+"""Number of values of each parameter at which orbits are computed, and largest number of first guesses."""
 _HALVINGS = 40
 """Number of bisections of the last step. The last point is within rounding of the end of the curve."""
 _TINY = 1e-100
@@ -71,7 +69,7 @@ class End(StrEnum):
     stalled = "stalled"
     """Newton's method does not converge, even after the shortest step."""
     no_fold = "no_fold"
-    """The curve has no point: no fold of the balance in these ranges leads to a fold of the exact orbits."""
+    """The curve has no point: no two orbits merge between the points of a grid over these ranges."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -303,22 +301,24 @@ class _Folds(NamedTuple):
         return End.cusp if point.bend * before.bend < 0.0 else None
 
     def guesses(self) -> Iterator[_Point]:
-        """Yield folds of the exact orbits near folds of the balance, those closest to the subject first."""
+        """Yield folds near pairs of orbits that merge on a grid, those closest to the subject first."""
         grid = np.stack(np.meshgrid(*np.linspace(self.low, self.high, _GRID).T, indexing="ij"))
-        p = from_row(self.setup.vector(dict(zip(self.names, jnp.asarray(grid), strict=True))))
-        balance = fold(p)
-        # A fold lies between two neighbours on the grid if the excess changes its sign, within its error.
-        excess, is_near = np.asarray(balance.f - p.f), np.zeros(grid.shape[1:], bool)
-        low, high = excess < _OFF * np.asarray(p.f), excess > -_OFF * np.asarray(p.f)
-        is_near[:-1] |= (low[:-1] | low[1:]) & (high[:-1] | high[1:])
-        is_near[:, :-1] |= (low[:, :-1] | low[:, 1:]) & (high[:, :-1] | high[:, 1:])
-        # A harmonic crosses zero a quarter of a period after its turn.
-        crossing, phase = np.broadcast_arrays(0.5 * np.pi / p.xi, balance.phase, grid[0])[:2]
-        starts = np.stack([crossing, phase, *grid])[:, is_near].T
+        numbers = self.setup.vector(dict(zip(self.names, grid, strict=True)))
+        rows = np.stack(np.broadcast_arrays(*numbers), axis=-1).reshape(-1, len(NAMES))
+        places = solve_orbits(rows)["sizes"][..., [SIZES["crossing"], SIZES["phase"]]]
+        # Of the orbits of a design those two merge that are closest to each other, and a fold lies between
+        # two neighbours on the grid of which only one has the orbits. The phase is unknown by whole turns.
+        gaps = np.diff(places, axis=1)
+        gaps[..., 1] = np.remainder(gaps[..., 1] + np.pi, 2.0 * np.pi) - np.pi
+        apart = np.nan_to_num(np.abs(gaps / self.scale[:2]).sum(axis=-1), nan=np.inf)
+        pair, n = np.argmin(apart, axis=1), np.arange(len(rows))
+        middles = (places[n, pair] + 0.5 * gaps[n, pair]).reshape(_GRID, _GRID, 2)
+        has_pair = np.isfinite(middles[..., 0])
+        is_near = has_pair & ~binary_erosion(has_pair, border_value=1)
+        starts = np.concatenate([middles[is_near], grid[:, is_near].T], axis=1)
         middle = zip(self.names, 0.5 * (self.low + self.high), strict=True)
         own = [self.setup.values.get(name, value) for name, value in middle]
         apart = np.abs((starts[:, 2:] - own) / self.scale[2:]).sum(axis=1)
-        # Where no orbit exists near the closest guesses, the guesses that are farther away may have one.
         for start in starts[np.argsort(apart)][:: len(starts) // _GUESSES + 1]:
             if (z := self.solved(start)) is not None:
                 point = self.point(z)

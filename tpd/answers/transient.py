@@ -46,7 +46,8 @@ class Transient(eqx.Module):
     overturning, and all second derivatives are also NaN. Counts have no derivatives.
 
     With the nonlinear model (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
-    the block overturns if its tilt reaches a right angle before the end.
+    the block overturns if its tilt reaches a right angle. A run whose energy is sufficient for this continues
+    beyond its end until the outcome is certain.
 
     Attributes:
         tilt: largest |phi|, rad; infinite if the block overturns.

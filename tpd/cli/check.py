@@ -124,7 +124,7 @@ def _check_by_models(
 def _write(options: argparse.Namespace, answer: str) -> None:
     """Write the answer into the folder of `--out`, if the option is given."""
     if options.out is not None:
-        outputs.write(options.out, [("check.txt", f"{answer}\n")], {})
+        outputs.write(options.out, [("check.txt", f"{answer}\n")], {}, overwrite=options.overwrite)
 
 
 def _check_by_engine(scene: Scene, pendulum: Pendulum | None, options: argparse.Namespace) -> int:

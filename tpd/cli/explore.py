@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     folder = subject.path.parent if isinstance(subject, StoredDesign) else Path()
     out = folder / _NAME if options.out is None else options.out
     # Before the work: a page takes seconds.
-    files.claim_file(out, overwrite=options.overwrite)
+    files.claim(out, overwrite=options.overwrite, is_file=True)
     job = subject.job if isinstance(subject, StoredDesign) else subject
     print("\n".join(job.all_messages), end="\n" if job.all_messages else "")
     with terminal.announced(f"computing the orbits and runs of the page {out}"):
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         from tpd.explore.page import explore, link
 
         page = explore(subject)
-    print(f"written: {page.write(out)}")
+    print(f"written: {files.place(out, page.html, files.REPORT, overwrite=options.overwrite)}")
     if (report := link(out)) is not None:
         print(f"linked from: {report}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):

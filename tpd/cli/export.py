@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     file = Path(EXPORTED[options.kind]) if options.out is None else options.out
     # The file is checked before the work, because a history may take seconds. Users edit an exported model,
     # so a file is never replaced without --overwrite.
-    files.claim_file(file, overwrite=options.overwrite)
+    files.claim(file, overwrite=options.overwrite, is_file=True)
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
     motion = "" if has_motion else "none; the actuators of the model have to provide it"
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         sliding = scene.block.base_friction
         friction = {} if sliding is None else {"sliding": sliding}
         content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **friction)
-    print(f"written: {files.place(file, content)}")
+    print(f"written: {files.place(file, content, overwrite=options.overwrite)}")
     return SOUND
 
 

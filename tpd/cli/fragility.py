@@ -69,7 +69,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
-    outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures)
+    outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures, overwrite=options.overwrite)
     return SOUND
 
 

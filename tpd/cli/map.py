@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         "map.csv": files.as_table(m.columns()),
         "map.json": files.as_json({**inputs, "statuses": m.counts}),
     }
-    outputs.write(options.out, tables.items(), pictures)
+    outputs.write(options.out, tables.items(), pictures, overwrite=options.overwrite)
     return SOUND
 
 

@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(f"{options.kind}.toml") if options.out is None else options.out
     if os.path.lexists(out):
         raise ValueError(f"{out} exists and was not changed: choose another file with --out")
-    files.place(out, template(options.kind, out))
+    files.place(out, template(options.kind, out), overwrite=False)
     print(f"written: {out}\nnext: change the numbers in this file, then run\n  {_command(out)}")
     return SOUND
 

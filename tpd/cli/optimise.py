@@ -40,6 +40,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     show = partial(_show, options, lines)
     how = {"then": show, "warn": lambda message: progress.say(f"tpd: {message}")}
+    how |= {"overwrite": options.overwrite}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 

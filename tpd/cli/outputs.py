@@ -24,7 +24,13 @@ def plot(result: Any, what: str | None = None, ax: Any = None) -> Any:
     return plot(result, what, ax=ax)
 
 
-def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, Callable[[], Any]]) -> None:
+def write(
+    out: Path,
+    tables: Iterable[tuple[str, str]],
+    pictures: Mapping[str, Callable[[], Any]],
+    *,
+    overwrite: bool,
+) -> None:
     """Write the files of a command and print their names.
 
     The numbers are written before the first picture is drawn. A message on stderr names a picture that cannot
@@ -34,6 +40,7 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
         out: output folder.
         tables: names and contents of the files of numbers.
         pictures: drawing functions by the names of the files. Each returns axes, or the content of the file.
+        overwrite: whether the folder may contain files.
     """
 
     def warn(sentence: str) -> None:
@@ -48,7 +55,7 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
 
     # All tables are computed before the first one is written, so that an interruption leaves all or none.
     contents = dict(tables)
-    results = files.Results(out, next(iter(contents)))
+    results = files.Results(out, next(iter(contents)), overwrite=overwrite)
     for name, table in contents.items():
         progress.say(f"written: {results.place(name, table)}", sys.stdout)
     for name, draw in pictures.items():

@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     if out is not None:
         table = files.as_csv(rows[0], (row.values() for row in rows))
         pictures = {f"record_{i + 1}.png": partial(outputs.plot, r) for i, r in enumerate(job.motions)}
-        outputs.write(out, [("records.csv", table)], pictures)
+        outputs.write(out, [("records.csv", table)], pictures, overwrite=options.overwrite)
     return SOUND
 
 

@@ -96,7 +96,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         # In the picture of the whole range the marks near the base frequency hide each other.
         if len(near[WITHOUT].frequency):
             pictures["response_near.png"] = partial(draw, near)
-    outputs.write(options.out, tables, pictures)
+    outputs.write(options.out, tables, pictures, overwrite=options.overwrite)
     return SOUND
 
 

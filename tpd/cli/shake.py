@@ -80,7 +80,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 
         axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
         # The title says why the picture differs from the nonlinear results in the table.
-        axes[0].set_title("linear equations, exact between the samples", fontsize=9)
+        axes[0].set_title("linear model, exact between the samples", fontsize=9)
         return axes
 
     def film() -> bytes:
@@ -88,7 +88,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 
         return animate(scene, pendulum, list(films.values()))
 
-    outputs.write(options.out, numbers, {"histories.png": draw, "animation.gif": film})
+    pictures = {"histories.png": draw, "animation.gif": film}
+    outputs.write(options.out, numbers, pictures, overwrite=options.overwrite)
     # The last case is the one with the pendulum, if there is one. Its outcome decides the exit status.
     last = list(motions.values())[-1][0].status
     return SOUND if is_one_of(last, *STANDING) else UNSOUND
@@ -104,7 +105,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
         strong: rate (rad/s) above which impacts are counted.
     """
     statuses = [status_name(x.status) for x in pair]
-    yield f"{name + ':':42}{'nonlinear equations':>20}{'linear equations':>20}"
+    yield f"{name + ':':42}{'nonlinear model':>20}{'linear model':>20}"
     yield f"  {'outcome':40}{statuses[0]:>20}{statuses[1]:>20}"
     for key, label in _QUANTITIES.items():
         values = [float(getattr(x, key)) for x in pair]
@@ -120,9 +121,9 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
     yield f"  {'friction coefficient to prevent sliding':40}{'':20}{number(history.needed_friction):>20}"
     for which, motion in zip(("nonlinear", "linear"), pair, strict=True):
         if is_one_of(motion.status, *UNANSWERED):
-            yield f"  The {which} equations have no solution: {Status[motion.status]}"
+            yield f"  The {which} model has no result: {Status[motion.status]}"
     if pair[0].status != pair[1].status and any(x.status == Status.overturned for x in pair):
-        yield "  The two sets of equations differ on overturning. The nonlinear equations decide."
+        yield "  The two models differ on overturning. The nonlinear model decides."
 
 
 def difference(without: float, pendulum: float) -> str:
@@ -139,7 +140,7 @@ def difference(without: float, pendulum: float) -> str:
         return f"The block {does} only {'without' if without > pendulum else 'with'} the pendulum."
     change = 100.0 * (pendulum / without - 1.0)
     size = f"{number(abs(change), 2)} % {'larger' if change > 0.0 else 'smaller'}"
-    return f"With the pendulum the largest tilt is {size} (nonlinear equations)."
+    return f"With the pendulum the largest tilt is {size} (nonlinear model)."
 
 
 def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:

@@ -41,7 +41,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         "spectrum.csv": files.as_table(spectrum.columns()),
         "spectrum.json": files.as_json(common.json_inputs(scene, pendulum, job) | content),
     }
-    outputs.write(options.out, tables.items(), {"spectrum.png": partial(outputs.plot, spectrum)})
+    pictures = {"spectrum.png": partial(outputs.plot, spectrum)}
+    outputs.write(options.out, tables.items(), pictures, overwrite=options.overwrite)
     return SOUND
 
 

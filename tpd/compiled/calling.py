@@ -20,6 +20,7 @@ import numpy as np
 from tpd.compiled import compiling
 from tpd.compiled.columns import RUN
 from tpd.compiled.rows import row_of
+from tpd.core import jax_setup
 from tpd.core.batch import PIECE, shared
 from tpd.scene.parameters import Parameters
 
@@ -105,11 +106,10 @@ class Compiled:
 
     def _check_direct_call(self) -> bool:
         """Compare the results of a trial call through XLA with the results of the same call from Python."""
-        entry, why = self.entry(), "its answer to a trial is wrong"
+        entry, cpu, why = self.entry(), jax_setup.cpu(), "its answer to a trial is wrong"
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
             shapes, operands = self._trial(self)
-            cpu, *_ = jax.local_devices(backend="cpu")
             # This method may run while JAX traces a program. The trial itself must be computed and not
             # traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):

@@ -87,6 +87,9 @@ _STEPS, _CLOSED, _DIFFERENCE = 12, 1e-9, 1e-4
 the scales."""
 MAX_STEPS = 20_000
 """Bound on the number of series for one piece of the forcing."""
+_UNDECIDED = 64
+"""Bound on the periods after the free motion of a run in which the block can overturn. A motion without
+losses can rock permanently with enough energy to overturn."""
 NOT_FINITE = 3
 """Outcome of a part of a run whose series is not finite, besides the outcomes of `tpd.compiled.follow`."""
 _NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
@@ -353,7 +356,7 @@ def _settle(q, m, w, s, since, ramp, trial, out):
     The run starts from its state at tau = `since`. `trial` is another motion.
     """
     y, cubics, scales, events = m.y, np.empty((0, 4)), _scaled(q, w), int(s.events)
-    past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
+    past, peaks = np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2)
     copy_to(y, past[NEWEST].y)
     reset_counts(m)
     f, ramp_end = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
@@ -399,8 +402,7 @@ def _settle(q, m, w, s, since, ramp, trial, out):
 @compiled
 def _is_symmetric(q, m, w, s, y):
     """Whether a periodic motion with the state `y` at tau = 0 is its own mirror image half a period later."""
-    f, half, past = steady(np.empty((0, 4))), math.pi / q.xi, np.zeros(1, repetition.PERIOD)
-    copy_to(y, past[NEWEST].y)
+    f, half = steady(np.empty((0, 4))), math.pi / q.xi
     # The mirror image of a motion, half a period later, is a motion too. Both are equal if they reach the
     # same state.
     for i in range(4):
@@ -409,7 +411,7 @@ def _is_symmetric(q, m, w, s, y):
     decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), forcing_now(q, f, half), m)
     arrived = _one_period(q, f, m, w, half, 0.0, int(s.events)) == ARRIVED
     reach = max(s.tolerance, SYMMETRIC)
-    return arrived and repetition.repeats_after(q, m.y, past, 1, repetition.scales_of(q), reach) == 1
+    return arrived and repetition.distance(q, m.y, y, repetition.scales_of(q)) < reach
 
 
 @compiled
@@ -463,10 +465,24 @@ def _trajectory(q, m, w, s, times, out):
 
 
 @compiled
-def _follow_once(q, f, m, w, s):
+def _cannot_overturn(q, y):
+    """Whether the energy of a free motion is too small to carry the block over its unstable equilibrium."""
+    tilt, rate, swing = abs(y[TILT]), y[TILT_RATE], y[SWING_RATE]
+    sine, cosine, relative = math.sin(tilt), math.cos(tilt), y[TILT] - y[SWING]
+    lever = math.copysign(q.nu, y[TILT]) * math.sin(relative) + q.kappa * math.cos(relative)
+    # Both potentials are relative to the equilibrium, where the bob hangs vertically.
+    height = q.weight * sine + q.up * cosine - math.hypot(q.weight, q.up)
+    bob = q.mu * q.lam * (1.0 - math.cos(y[SWING]) + 0.5 * q.m22 * swing * swing)
+    energy = height + bob + rate * (0.5 * q.m11 * rate + q.m12 / q.kappa * lever * swing)
+    return energy < 0.0 and q.up * sine < q.weight * cosine
+
+
+@compiled
+def _follow_once(q, f, m, w, s, trial):
     """Simulate a run through all pieces of a ground motion and then freely, and return its status.
 
-    The free motion lasts for the time in the settings `s`.
+    The free motion lasts for the time in the settings `s`. If the block can still overturn after it, `trial`
+    continues the run until the outcome is certain.
     """
     y, i, ended = m.y, FIRST_PIECE, ARRIVED
     # There is no forcing period. The shorter time scale of bob and block defines which times are rounding
@@ -488,6 +504,13 @@ def _follow_once(q, f, m, w, s):
                 m.uplift_time = min(m.uplift_time, i * span_of(q, f))
         ended = advance(q, f, m, w, i, 0.0, span_of(q, f) if i < f.pieces else s.free)
         i += 1
+    set_motion(y, m, trial)
+    trial.events, n = m.events, 0
+    while ended == ARRIVED and n < _UNDECIDED and not _cannot_overturn(q, trial.y):
+        begin = s.free + n * w.period
+        if advance(q, f, trial, w, f.pieces, begin, begin + w.period) == BEYOND:
+            ended, m.overturn_time = BEYOND, trial.overturn_time
+        n += 1
     if ended == NOT_FINITE or not is_finite(y):
         return FAILED
     if ended != ARRIVED:
@@ -521,7 +544,7 @@ def _run(a, first, last):
             view(ends, (last,), np.float64)[n] = _trajectory(q, m, w, s[n], times[n], states[n])
         else:
             out = view(results, (last,), RUN)[n]
-            store_results(m, _follow_once(q, pieces(extra, s[n], n), m, w, s[n]), out)
+            store_results(m, _follow_once(q, pieces(extra, s[n], n), m, w, s[n], trial), out)
             out.growing = out.transversality = math.nan
     # A record does not keep its array alive, and Numba frees an array after its last use.
     return len(plants) + len(motions) + len(works) + len(spare)

@@ -28,7 +28,10 @@ from tpd.compiled.plant import compiled
 NEWEST = np.int64(0)
 """Index of the last period among the stored ones."""
 LONGEST = 8
-"""Longest period of a motion that is recognised, in forcing periods."""
+"""Longest period of a motion that is recognised, in forcing periods. One more period is stored, because the
+decay of a change follows from two changes."""
+_EXACT = 1e-3
+"""Largest change in a period for which its decay does not matter, as a share of the tolerance."""
 PERIOD = np.dtype([("y", np.float64, (4,)), *((n, np.float64) for n in ("tilt", "swing", "hold_level"))])
 """A forcing period: the state `y` at its end, the largest |phi| and |psi|, and the hold level, see
 `tpd.compiled.motion.MOTION`."""
@@ -43,19 +46,30 @@ def scales_of(q):
 
 
 @compiled
+def distance(q, y, other, scales):
+    """Return the largest difference of two states, in shares of the scales."""
+    # A massless bob does not act on the block, so that its state does not count.
+    error = 0.0
+    for i in range(0, 4, 1 if q.mu > 0.0 else 2):
+        error = max(error, abs(y[i] - other[i]) / scales[i])
+    return error
+
+
+@compiled
 def repeats_after(q, y, past, count, scales, tolerance):
     """Return the number of periods after which a motion repeats, or 0 if it does not repeat.
 
     `y` is the present state, and `past` holds `count` periods, the last one first.
     """
-    # A massless bob does not act on the block, so that its state does not count.
-    step = 1 if q.mu > 0.0 else 2
-    close, shortest = False, 0
-    for j in range(count):
-        error = 0.0
-        for i in range(0, 4, step):
-            error = max(error, abs(y[i] - past[j].y[i]) / scales[i])
-        close = close or error < tolerance
+    close, shortest, decays = False, 0, q.zeta > 0.0 or past[NEWEST].hold_level < 2.0
+    for j in range(min(count, LONGEST)):
+        error = distance(q, y, past[j].y, scales)
+        if error < tolerance and not close:
+            # The sum of all further changes must be small as well, if they decay as in the last period. A
+            # motion that decays slowly is not close to its limit yet, or returns by chance.
+            before = distance(q, past[NEWEST].y, past[j + 1].y, scales) if j + 1 < count else 0.0
+            exact = error < _EXACT * tolerance or not decays
+            close = exact or error * error < tolerance * (before - error)
         # A motion that converges to period one may alternate, and be closer to the state two periods ago. So
         # the shortest period counts that is almost as close.
         if shortest == 0 and error < 100.0 * tolerance:
@@ -82,12 +96,12 @@ def excitation_in(ramp, period, elapsed, since, cubics):
 def store_period(past, count, y, amplitude, swing, hold_level):
     """Store a period in front of the last ones. Return the number of stored states."""
     # Move the older periods back by one place.
-    for j in range(LONGEST - 1, 0, -1):
+    for j in range(LONGEST, 0, -1):
         past[j] = past[j - 1]
     new = past[NEWEST]
     copy_to(y, new.y)
     new.tilt, new.swing, new.hold_level = amplitude, swing, hold_level
-    return min(count + 1, LONGEST)
+    return min(count + 1, LONGEST + 1)
 
 
 @compiled

@@ -145,11 +145,9 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
     returns the distance between the motion and its repetition, and the number of periods for it. `gap` and
     `gap_periods` are these two values of the period before.
     """
-    step, closest, periods, scales = (1 if q.mu > 0.0 else 2), NEARBY, 0, repetition.scales_of(q)
+    closest, periods, scales = NEARBY, 0, repetition.scales_of(q)
     for n in range(1, count // 2):
-        error = 0.0
-        for i in range(0, 4, step):
-            error = max(error, abs(past[0].y[i] - past[n].y[i]) / scales[i])
+        error = repetition.distance(q, past[0].y, past[n].y, scales)
         # A larger number of periods must be much closer than a smaller one.
         if error < 0.1 * closest or (n == 1 and error < closest):
             closest, periods = error, n
@@ -158,7 +156,9 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
     decay = closest / gap if gap_periods == periods and gap > 0.0 else 0.0
     if periods == 0 or decay == 0.0:
         return 0, closest, periods
-    remaining = math.log(closest / tolerance) / -math.log(decay) if decay < 1.0 else math.inf
+    # The sum of all further changes must be small, see `repeats_after`.
+    remaining = closest / (1.0 - decay) / tolerance if decay < 1.0 else math.inf
+    remaining = math.log(remaining) / -math.log(decay) if decay < 1.0 else math.inf
     return (periods if remaining > _PERIODS_PER_SEARCH * periods else 0), closest, periods
 
 
@@ -199,7 +199,11 @@ def settle(x, buffers, s, since, ramp, whole, out):
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, (STATE, INPUTS), NEARBY)
-    past, gap, gap_periods = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
+    past, gap, gap_periods = (
+        Past(np.zeros(repetition.LONGEST + 1, repetition.PERIOD), np.zeros(2)),
+        0.0,
+        _NONE,
+    )
     last, peaks = past.periods, past.peaks
     copy_to(y, last[0].y)
     reset_counts(m)

@@ -418,6 +418,13 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
     return lo, hi
 
 
+def largest(values: Any) -> Any:
+    """Return the largest absolute value of an array, also of a traced one."""
+    size = abs(values)
+    # JAX looks for the maximum again to differentiate it. The result is NaN if XLA rounds differently then.
+    return size[size.argmax()]
+
+
 def require_x64() -> None:
     """Raise `RuntimeError` unless JAX computes in 64 bits."""
     import jax

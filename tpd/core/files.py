@@ -35,6 +35,8 @@ _PART, _LIST = f"{_OWN}part-", f"{_OWN}files"
 files of results in a folder, with their checksums."""
 REPORT = "design.json"
 """Main file of a report of `tpd optimise`."""
+_FORMULA = tuple("=+-@\t\r")
+"""First characters of a text that a spreadsheet evaluates."""
 _FEW = 9
 """Largest number of files that a message lists."""
 _WARNINGS: set[str] = set()
@@ -43,42 +45,52 @@ PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
 """Packages whose versions are stored with results."""
 
 
-def claim(directory: Path, *, overwrite: bool) -> None:
-    """Check before any work that results can be written.
+def claim(path: Path, *, overwrite: bool, is_file: bool = False) -> None:
+    """Check before any work that results can be written into a folder, or into the file of --out.
 
     Raises:
-        ValueError: the directory exists and may not be overwritten, or it cannot be written.
+        ValueError: the path exists and may not be overwritten, is of the other kind, or cannot be written.
     """
-    if os.path.lexists(directory) and not directory.is_dir():
-        raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    if not overwrite and any(_visible(directory)):
-        remedy = "choose another directory with --out, or pass --overwrite"
-        raise ValueError(f"{directory} already contains files: {remedy}")
-    # Folders are created when the results are written: invalid input leaves no folder behind.
-    nearest = next(folder for folder in (directory, *directory.parents) if os.path.lexists(folder))
     try:
-        with tempfile.TemporaryFile(dir=nearest) as file:
+        nearest = next(x for x in (path, *path.parents) if _exists(x))
+        # The system rejects a name that is too long only in a folder that exists.
+        for name in path.parts if nearest != path else ():
+            _exists(nearest / name)
+        if nearest == path and is_file == path.is_dir():
+            if is_file:
+                raise ValueError(f"--out must name a file, but {path} is a directory")
+            raise ValueError(f"cannot write the report: {path} is a file, not a directory")
+        if nearest == path and not overwrite:
+            if is_file or any(_visible(path)):
+                raise _exists_error(path, is_file)
+            # The user has removed the files of an earlier result.
+            (path / _LIST).unlink(missing_ok=True)
+        # Folders are created when the results are written: invalid input leaves no folder behind.
+        with tempfile.TemporaryFile(dir=path.parent if is_file and nearest == path else nearest) as file:
             # Write a byte, because a full disk may still accept the name of a file.
             file.write(b" ")
     except OSError as error:
-        raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
+        raise ValueError(f"cannot write to {path}: {error.strerror or error}") from None
+
+
+def _exists(path: Path) -> bool:
+    """Whether a file, a folder or a link has this name; raise `OSError` if nothing can have it."""
+    # Other tests of paths hide errors such as a name that is too long, each version of Python different ones.
+    with contextlib.suppress(FileNotFoundError):
+        path.lstat()
+        return True
+    return False
+
+
+def _exists_error(path: Path, is_file: bool) -> ValueError:
+    """Return the error for a file, or a folder with files, that may not be overwritten."""
+    what, other = ("exists already", "name") if is_file else ("already contains files", "directory")
+    return ValueError(f"{path} {what}: choose another {other} with --out, or pass --overwrite")
 
 
 def _visible(folder: Path) -> list[str]:
     """Return the names in a folder, without the hidden files of this package."""
     return sorted(p.name for p in folder.glob("*") if not p.name.startswith(_OWN))
-
-
-def claim_file(path: Path, *, overwrite: bool) -> None:
-    """Check before any work that the file of --out can be written.
-
-    Raises:
-        ValueError: the path is a directory, or the file exists and may not be overwritten.
-    """
-    if path.is_dir() or not path.name:
-        raise ValueError(f"--out must name a file, but {path} is a directory")
-    if path.exists() and not overwrite:
-        raise ValueError(f"{path} exists already: choose another name with --out, or pass --overwrite")
 
 
 def path_of(name: str | os.PathLike[str]) -> Path:
@@ -88,7 +100,8 @@ def path_of(name: str | os.PathLike[str]) -> Path:
         ValueError: the argument is neither a string nor a path, is empty, or has control characters.
     """
     text = os.fsdecode(name) if isinstance(name, (str, os.PathLike)) else ""
-    if not text or re.search(r"[\x00-\x1f]", text):
+    # A file with such a name may exist.
+    if not text or (re.search(r"[\x00-\x1f]", text) and not os.path.lexists(text)):
         hint = "; in a job file, write a path with backslashes in single quotes" if text else ""
         raise ValueError(f"`path` must name a file, but is {name!r}{hint}")
     # Encode the characters as the file system of this process expects them.
@@ -109,7 +122,7 @@ def source_files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.py")) or [next(path for path in folder.parents if path.is_file())]
 
 
-def place(path: Path, content: str | bytes, of: str = "") -> Path:
+def place(path: Path, content: str | bytes, of: str = "", *, overwrite: bool = True) -> Path:
     """Write a file, and create its directory, so that the file appears completely or not at all; return
     `path`.
 
@@ -117,8 +130,10 @@ def place(path: Path, content: str | bytes, of: str = "") -> Path:
         path: the file.
         content: text or bytes.
         of: main file of the result to which the file belongs. A folder of results then lists the file.
+        overwrite: whether to replace a file, which may have appeared since `claim`.
 
     Raises:
+        ValueError: the file exists and may not be replaced.
         OSError: the file cannot be written; the error contains `path`. No new folder is left behind.
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
@@ -137,6 +152,12 @@ def place(path: Path, content: str | bytes, of: str = "") -> Path:
                 file.write(data)
             # Temporary files are readable only by their owner, so change the mode.
             Path(name).chmod(0o644)
+            if not overwrite:
+                try:
+                    # Of several processes only one can create the file.
+                    path.touch(exist_ok=False)
+                except FileExistsError:
+                    raise _exists_error(path.parent if path == listed else path, path != listed) from None
             Path(name).replace(path)
         except BaseException:
             _remove([Path(name)])
@@ -173,15 +194,24 @@ class Results:
     `remaining` names them.
     """
 
-    def __init__(self, folder: Path, main: str) -> None:
+    def __init__(self, folder: Path, main: str, *, overwrite: bool) -> None:
         """Remove the files of the earlier result.
 
         Args:
             folder: folder of the results.
             main: name of the main file, which distinguishes the results of different commands.
+            overwrite: whether the folder may contain files, which may have appeared since `claim`.
+
+        Raises:
+            ValueError: the folder contains files, or another process is writing its results there.
         """
         self._folder, self._main, self._names = folder, main, list[str]()
         self._made = [path for path in (folder / _LIST, folder, *folder.parents) if not path.exists()]
+        if not overwrite:
+            place(folder / _LIST, as_json({}), overwrite=False)
+            if any(_visible(folder)):
+                _remove([folder / _LIST])
+                raise _exists_error(folder, is_file=False)
         listed = _listed(folder)
         for name, (of, digest) in listed.items():
             # The name must not contain a folder: a list from elsewhere must not lead out of this one.
@@ -302,7 +332,8 @@ def as_json(content: Any) -> str:
 def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     """Format a table with a header as CSV, with all digits of the numbers.
 
-    NaN becomes an empty cell, and a list becomes its items with semicolons between them.
+    NaN becomes an empty cell, and a list becomes its items with semicolons between them. A text that a
+    spreadsheet would evaluate as a formula begins with an apostrophe.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -310,6 +341,7 @@ def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     for row in rows:
         # Every program reads an empty cell as a missing value, but not a word such as "nan".
         cells = ("; ".join(map(str, x)) if isinstance(x, (list, tuple)) else x for x in row)
+        cells = (f"'{x}" if isinstance(x, str) and x[:1] in _FORMULA else x for x in cells)
         writer.writerow(["" if x != x else x for x in cells])
     return text.getvalue()
 

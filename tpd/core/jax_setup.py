@@ -11,6 +11,7 @@ import os
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from tpd.core import files
 
@@ -19,6 +20,9 @@ def use_64_bits() -> Path | None:
     """Configure JAX for 64 bits and for a cache of compiled programs. Call this before JAX computes anything.
 
     The cache is in the user's cache folder, or in the folder that `JAX_COMPILATION_CACHE_DIR` names.
+
+    Raises:
+        ValueError: see `cpu`.
 
     Returns:
         The folder of the cache; None if there is no folder that only the user can write to.
@@ -31,6 +35,9 @@ def use_64_bits() -> Path | None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    # Without this setting JAX finds the devices, always with the CPU, and need not do so yet.
+    if jax.config.jax_platforms:  # type: ignore[attr-defined]
+        cpu()
     folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
     # The folder must not be shared, because compiled programs are executed without a check. A user without a
     # home directory has no cache: a path that still begins with ~ is not absolute.
@@ -48,6 +55,23 @@ def use_64_bits() -> Path | None:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     _remove_damaged(cache)
     return cache
+
+
+def cpu() -> Any:
+    """Return the device of JAX on which the compiled code of this package runs.
+
+    Raises:
+        ValueError: the platforms that the user chose do not include the CPU, or this machine lacks one.
+    """
+    import jax
+
+    try:
+        return jax.local_devices(backend="cpu")[0]
+    # JAX has no sentence of its own if the only platform is cuda and there is no such device.
+    except (RuntimeError, AssertionError):
+        chosen = jax.config.jax_platforms  # type: ignore[attr-defined]
+        allowed = "must name devices of this machine and include cpu, such as cuda,cpu on one with a GPU"
+        raise ValueError(f"`JAX_PLATFORMS` {allowed}, but is {chosen!r}: change or unset it") from None
 
 
 def _remove_damaged(cache: Path) -> None:

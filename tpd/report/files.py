@@ -40,6 +40,7 @@ def write(
     job_toml: str,
     record_notes: Sequence[str] = (),
     *,
+    overwrite: bool,
     then: Callable[[Summary], None] = lambda summary: None,
     warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
@@ -54,6 +55,7 @@ def write(
         job_tables: the job as plain tables, for design.json; empty if no job file can describe the problem.
         job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
         record_notes: notes of the reader on the files of the records.
+        overwrite: whether the folder may contain files.
         then: function that is called with the summary when the numbers are written, before the first picture
             is drawn.
         warn: function that is called with a sentence for each picture that cannot be drawn, and on files
@@ -65,7 +67,7 @@ def write(
     tables = {"report.txt": text(report), files.REPORT: results_json}
     tables |= {"scene.toml": job_toml} if job_toml else {}
     tables |= _tables(design, details)
-    results = files.Results(directory, files.REPORT)
+    results = files.Results(directory, files.REPORT, overwrite=overwrite)
     written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then(report.summary)
@@ -130,8 +132,8 @@ def write_report(
         job = design.problem.job
     except ValueError as error:
         warnings.warn(f"the report is written without scene.toml: {error}", stacklevel=2)
-        return write(folder, design, results, {}, "")
-    return write(folder, design, results, job.tables, job.toml)
+        return write(folder, design, results, {}, "", overwrite=overwrite)
+    return write(folder, design, results, job.tables, job.toml, overwrite=overwrite)
 
 
 def _tables(design: Design, details: Details) -> dict[str, str]:

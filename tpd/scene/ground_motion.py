@@ -341,7 +341,7 @@ class Pulse(GroundMotion):
         np_ = self._namespace
         # The peak of this pulse depends on cycles and phase, so sample the shape.
         x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.periods
-        return self.acceleration * np_.max(np_.abs(kind.shape(x, self.cycles, self.phase, np_)))
+        return self.acceleration * checks.largest(kind.shape(x, self.cycles, self.phase, np_))
 
     @property
     def piece(self) -> Real:

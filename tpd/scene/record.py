@@ -89,8 +89,7 @@ class Record(GroundMotion):
     @property
     def pga(self) -> Real:
         """Peak ground acceleration, m/s^2, including the scale."""
-        xp = checks.namespace(self.acceleration, self.scale)
-        return xp.max(xp.abs(self.acceleration)) * xp.abs(self.scale)
+        return checks.largest(self.acceleration) * abs(self.scale)
 
     @property
     def pgv(self) -> Real:
@@ -103,7 +102,7 @@ class Record(GroundMotion):
         ends = xp.cumsum(0.5 * (a + b))
         # Between two samples of opposite sign the velocity is largest where the acceleration is zero.
         turns = ends - 0.5 * (a + b) + xp.where(a * b < 0.0, 0.5 * a**2 / xp.where(a == b, 1.0, a - b), 0.0)
-        return xp.max(xp.abs(xp.concatenate([ends, turns]))) * self.dt * xp.abs(self.scale)
+        return checks.largest(xp.concatenate([ends, turns])) * self.dt * xp.abs(self.scale)
 
     @property
     def duration(self) -> Real:
@@ -124,7 +123,7 @@ class Record(GroundMotion):
         `tpd.scene.ground_motion.GroundMotion.pieces`."""
         xp = checks.namespace(self.acceleration, self.scale)
         a = self.acceleration * xp.sign(self.scale)
-        peak = xp.max(xp.abs(a))
+        peak = checks.largest(a)
         # A record of zeros has no peak to divide by.
         a = a / xp.where(peak > 0.0, peak, 1.0)
         # The acceleration is linear between samples, so the quadratic and cubic coefficients are zero.
