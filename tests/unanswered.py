@@ -16,7 +16,7 @@ from tpd.theory.equations import Terms
 def unanswered(
     monkeypatch: pytest.MonkeyPatch, where: Callable[[np.ndarray], np.ndarray]
 ) -> list[np.ndarray]:
-    """Let motions by the linear equations end at the bound on events where the function says so of their rows
+    """Let motions by the linear model end at the bound on events where the function says so of their rows
     of parameters. Returns the rows that are followed from now on."""
     follow, followed = simulate.follow, []
 

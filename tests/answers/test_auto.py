@@ -83,7 +83,7 @@ def test_a_tight_tolerance_selects_the_nonlinear_model(x):
     assert abs(float(found.amplitude) / float(top.amplitude) - 1.0) <= float(found.estimate) <= 0.5
     assert "within the tolerance 0.5" in found.reason
     assert (
-        f"error of the linear equations is {float(found.estimate):.2g}, above the tolerance 1e-05"
+        f"error of the linear model is {float(found.estimate):.2g}, above the tolerance 1e-05"
         in top.reason
     )
     if x == WITH[3].x:
@@ -97,7 +97,7 @@ def test_auto_does_not_trust_a_linear_model_without_a_result():
     assert linear(x).status == "overturned"
     found = chosen(x)
     assert found.model == "nonlinear"
-    assert "with the linear equations the outcome is overturned" in found.reason
+    assert "with the linear model the outcome is overturned" in found.reason
 
 
 def test_the_nonlinear_model_decides_which_attractor_is_reached():

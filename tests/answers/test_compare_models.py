@@ -1,4 +1,4 @@
-"""A design by all models: the answer of each, and what the nonlinear equations object."""
+"""A design by all models: the answer of each, and what the nonlinear model objects to."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ def test_a_check_has_every_requested_model_and_the_nonlinear_one():
     exact = steady_state(p)
     assert found.models[1].amplitude == float(exact.amplitude)
     assert found.models[1].status == status_name(exact.status) == "rest"
-    # The nonlinear equations add what is of second order in the bob's swing.
+    # The nonlinear model adds what is of second order in the bob's swing.
     assert found.top.status == "rest"
     settled = reference.settled(tpd.Terms.nonlinear, as_arrays(p), np.zeros(4))
     assert found.top.swing == pytest.approx(float(settled.settled_swing), rel=1e-6)
@@ -38,7 +38,7 @@ def test_a_check_has_every_requested_model_and_the_nonlinear_one():
     assert last.startswith("nonlinear")
     assert meaning.startswith("Amplitude and swing are the largest tilt and bob angle (rad)")
     assert "nothing of equations (4)" in last
-    assert str(found) == f"{found.table()}\nno objection by the nonlinear equations"
+    assert str(found) == f"{found.table()}\nno objection by the nonlinear model"
     # Dimensionless parameters stand for the scene and its pendulum.
     same = check(p, swing_limit=0.5, models=("exact",))
     assert same.top.amplitude == found.top.amplitude
@@ -50,8 +50,8 @@ def test_a_violated_assumption_is_reported():
     resonant = scene.pendulum(mass_ratio=0.1, length_ratio=0.20964589, damping_ratio=0.1)
     found = check(scene, resonant, swing_limit=1.5, models=("exact",))
     assert found.models[0].status == "rocking"
-    assert found.objections == ("by the nonlinear equations the motion ends overturned",)
-    assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
+    assert found.objections == ("by the nonlinear model the motion ends overturned",)
+    assert str(found).endswith("objection: by the nonlinear model the motion ends overturned")
 
 
 def test_the_one_harmonic_model_has_the_harmonic_balance_or_no_orbit():

@@ -57,7 +57,7 @@ def test_no_block_rocks_below_the_uplift_threshold(found):
     assert found.first_crossings["rocking"] == (1.5, pytest.approx(1.5, abs=0.71))
     assert 0.8 < found.without_pendulum["rocking"].fit.median < 1.5
     assert all(0.0 <= share < 0.3 for share in found.changed)
-    assert "the nonlinear equations change the outcome of" in str(found)
+    assert "the nonlinear model changes the outcome of" in str(found)
     assert "fewer than 5 earthquakes" not in str(found)
 
 
@@ -143,7 +143,7 @@ def test_a_first_crossing_that_depends_on_runs_without_a_result_is_unknown(monke
 
 
 def test_linear_and_nonlinear_outcomes_are_compared_if_both_have_a_result(monkeypatch):
-    # No motion of the exact run has an answer, and all overturn by the nonlinear equations.
+    # No motion of the exact run has an answer, and all overturn by the nonlinear model.
     taken(monkeypatch, False, 29.0)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0,)

@@ -394,7 +394,7 @@ def test_the_time_of_overturning_equals_the_event_loop(nonlinear, with_it):
         _, mu, *_ = x
         eta = -np.asarray(record.acceleration) / float(record.pga) * x[NAMES.index("f")]
         loop = EventDriven(x, nonlinear=nonlinear, samples=(eta, 0.1 * rate))
-        # The linear equations have their own tilt from which no block returns.
+        # The linear model has its own tilt from which no block returns.
         up = 1.0 + 2.0 * mu
         loop.GONE = 0.5 * math.pi if nonlinear else 10.0 * ((1.0 + mu) * x[0] + x[4] + x[5] * up) / up
         loop.run(np.zeros(4), np.array([0.0, 11.3 * rate]))

@@ -53,8 +53,8 @@ def test_sliding_during_rocking_is_reported_first():
     assert "of 0.34033 without a pendulum, but has 0.3403." in answer_of(f"{words} 0.3403")
     enough = answer_of(f"{words} 0.35")
     assert enough.startswith("Stated block")
-    assert f"While the block rocks from rest, {needs}, and has 0.35 (linear equations)." in enough
-    assert f"{needs} (linear equations)." in answer_of("--records el-centro --scales 0.45")
+    assert f"While the block rocks from rest, {needs}, and has 0.35 (linear model)." in enough
+    assert f"{needs} (linear model)." in answer_of("--records el-centro --scales 0.45")
 
 
 def test_the_stated_block_precedes_the_runs_with_scatter():

@@ -70,7 +70,7 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(suitable):
         "nonlinear",
     ]
     assert last_paragraph(lines).startswith("RECOMMENDED for the stated conditions")
-    assert any("paired runs of the nonlinear equations" in line for line in lines)
+    assert any("paired runs of the nonlinear model" in line for line in lines)
     needs = "While the block rocks from rest, the base needs a coefficient of friction of 0.1684 without a"
     assert any(line.startswith(needs) for line in lines)
     # The rows of the table are not wrapped.

@@ -85,7 +85,7 @@ CAPITALS = rf"\b({'|'.join(WORDS)})\b"
 TABLE = r"""
 optimise --width -1 REST_OF_IT | [block] `width` must be positive and finite, but is -1
 optimise --width wide | `block.width` must be a number, but is 'wide'
-optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height` (the linear equations drop
+optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height` (the linear model neglects
 optimise --amplitude -0.1 | [excitation] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]

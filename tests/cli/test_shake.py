@@ -26,7 +26,7 @@ def test_shake_writes_the_results_of_the_library(run):
     scene = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375))
     pendulum = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
     linear = tpd.transient(scene, pendulum, free=5.0)
-    # The nonlinear equations decide. The linear results are listed for comparison.
+    # The nonlinear model decides. The linear results are listed for comparison.
     nonlinear = tpd.transient(scene, pendulum, free=5.0, model=tpd.Nonlinear())
     printed = results["with the pendulum"]
     for name in ("tilt", "swing", "rod_angle"):
@@ -56,7 +56,7 @@ def test_the_exit_status_depends_on_overturning(run):
 
 
 def test_shake_prints_the_swing_of_both_models_and_counts_strong_impacts(run):
-    """A marble column under El Centro: the bob swings 0.443 rad, but 0.377 rad by the linear equations."""
+    """A marble column under El Centro: the bob swings 0.443 rad, but 0.377 rad by the linear model."""
     column = "--width 0.62 --height 5.2 --mass 4239 --friction 0 --restitution housner"
     bob = "--mass-ratio 0.05 --pendulum-length 1.3 --record el-centro"
     done = run("shake", column, bob)

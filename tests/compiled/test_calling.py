@@ -53,7 +53,7 @@ def test_a_custom_call_with_a_wrong_result_gives_a_warning(monkeypatch):
     compiled = LINEAR
     monkeypatch.setattr(compiled, "_is_direct", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
-    with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
+    with pytest.warns(UserWarning, match="of the linear model directly .its answer to a trial is wrong"):
         assert not compiled.is_direct()
 
 

@@ -1,4 +1,4 @@
-"""Motions of the linear equations under ground motions: quiet starts, cuts, mirrors, rattles and low hops."""
+"""Motions of the linear model under ground motions: quiet starts, cuts, mirrors, rattles and low hops."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_an_excitation_at_the_uplift_threshold_has_a_result(nonlinear):
         forcing = GroundForcing(pieces, 5.0, np.arange(len(cases)))
         found = follow(Terms.nonlinear if nonlinear else Terms.linear, rows, forcing)
         assert np.all(is_one_of(found.status, *STANDING, Status.overturned))
-        # Nobody computes that of the nonlinear equations.
+        # Nobody computes that of the nonlinear model.
         assert np.all(np.isnan(found.transversality) == nonlinear)
 
 

@@ -1,4 +1,4 @@
-"""Tasks of the entrance to the linear equations: the same motion by each of them."""
+"""Tasks of the entrance to the linear model: the same motion by each of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The compiled event loop of the nonlinear equations: against the event loop of SciPy, and by hand."""
+"""The compiled event loop of the nonlinear model: against the event loop of SciPy, and by hand."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""The plant of the linear equations: roots with their slopes, against NumPy."""
+"""The plant of the linear model: roots with their slopes, against NumPy."""
 
 import numpy as np
 import pytest

@@ -39,7 +39,7 @@ def free_block(**losses):
     [{"restitution": 0.95}, {"friction": 0.02, "restitution": 1.0}, {"friction": 0.02, "restitution": 0.95}],
 )
 def test_turning_tilts_of_free_rocking_equal_the_simulated_ones(losses):
-    """The exact solution of the linear equations from a tilt of a tenth of nu, without shaking."""
+    """The exact solution of the linear model from a tilt of a tenth of nu, without shaking."""
     scene = free_block(**losses)
     p = as_arrays(scene.parameters())
     nu, k, e = float(p.nu), float(p.k), float(p.velocity_ratio)

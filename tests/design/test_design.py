@@ -72,7 +72,7 @@ def test_without_a_feasible_design_the_nearest_trial_is_printed():
 
 
 class Swings(NoisyProblem):
-    """In runs of the nonlinear equations the bob swings by further 110 %."""
+    """In runs of the nonlinear model the bob swings by further 110 %."""
 
     def trial_runs(self, design, seed, equations="linear"):
         runs, more = super().trial_runs(design, seed, equations), 2.1 if equations == "nonlinear" else 1.0

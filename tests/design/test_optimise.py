@@ -37,7 +37,7 @@ def same(a: Design, b: Design) -> bool:
 
 
 class Harmful(NoisyProblem):
-    """The first validated designs overturn the block in the nonlinear equations; `method` is their number."""
+    """The first validated designs overturn the block in the nonlinear model; `method` is their number."""
 
     def paired_runs(self, design, seed, **how):
         found = super().paired_runs(design, seed, **how)
@@ -155,7 +155,7 @@ def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
     assert best.over_limit <= harmonic.problem.allowed
     assert harmonic.usage["stroke"] <= 1.0
     assert harmonic.benefit.low > 0.25, "sixty per cent with these settings"
-    # The same pairs again, by the nonlinear equations themselves.
+    # The same pairs again, by the nonlinear model itself.
     runs = best.quoted
     size, seed = len(runs.group), runs.with_pendulum.seed
     again = tpd.paired_runs(

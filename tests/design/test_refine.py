@@ -103,7 +103,7 @@ def test_the_refinement_finds_the_same_design_in_a_wider_space(refinement):
 
 
 class Longer(NoisyProblem):
-    """The nonlinear equations have a longer swing than the linear ones."""
+    """The nonlinear model has a longer swing than the linear one."""
 
     def runs(self, design, seed, equations="linear"):
         runs = super().runs(design, seed, equations)

@@ -45,7 +45,7 @@ def test_default_bounds_of_a_model_equal_those_of_a_batch(model):
 
 
 def test_linear_and_nonlinear_models_agree_at_small_angles():
-    # What the linear equations drop is of second order in the angles.
+    # What the linear model neglects is of second order in the angles.
     scale = 1e-3
     for x in (WITH[2].x, WITH[3].x):
         small = parameters((x[0] * scale, *x[1:4], x[4] * scale, x[5] * scale, x[6]))

@@ -48,7 +48,7 @@ def test_built_in_records_and_sets_are_read_by_name(monkeypatch):
 def test_every_horizontal_record_of_a_folder_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
-    for other in ("readme.pdf", "_SearchResults.csv"):
+    for other in ("readme.pdf", "_SearchResults.csv", "two\nlines.txt"):
         (tmp_path / "quakes" / other).write_text("x")
     velocity = peer(0.3 * shaking(100), 0.01).replace("ACCELERATION TIME", "VELOCITY TIME")
     (tmp_path / "quakes" / "RSN1.VT2").write_text(velocity)
@@ -58,6 +58,7 @@ def test_every_horizontal_record_of_a_folder_is_read(tmp_path):
     assert "inner (a folder in a folder)" in left
     assert "up.asc (vertical component)" in left
     assert "RSN1.VT2 (velocity)" in left
+    assert "two lines.txt (no motion)" in left
     assert any(word.startswith("_SearchResults.csv") for word in left)
     # A channel that is chosen is taken, vertical or not.
     both, said = read_motions([folder], channel=0)

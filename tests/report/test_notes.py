@@ -160,7 +160,7 @@ def test_significantly_more_overturning_at_a_nearby_frequency_is_a_danger():
 @pytest.mark.parametrize(
     ("words", "exact"),
     [
-        ("At a swing of 0.35 rad the linear equations", {"settled_swing": np.full(10, 0.35)}),
+        ("At a swing of 0.35 rad the linear model", {"settled_swing": np.full(10, 0.35)}),
         (
             "The settled motion attracts slowly (Floquet multiplier 0.970)",
             {"multiplier": np.full(10, 0.97), "status": np.full(10, "rocking")},

@@ -138,7 +138,7 @@ def test_the_table_of_settled_motion_has_a_row_for_every_condition():
 def test_the_search_and_the_rejected_designs_are_described(kind):
     design = DESIGNS[kind]()
     (text,) = sections.searched(design, ())
-    assert text.text.startswith(f"Trial runs of the linear equations evaluated {len(design.trials.designs)}")
+    assert text.text.startswith(f"Trial runs of the linear model evaluated {len(design.trials.designs)}")
     assert ("gradient descents started from" in text.text) is (design.search is not None)
     tables = sections.rejected(design)
     listed = [v for v in design.validated if v.reasons]

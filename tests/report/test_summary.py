@@ -155,7 +155,7 @@ def test_the_summary_describes_the_pendulum_as_built():
     assert f"pendulum equivalent point mass {design.pendulum.mass:.2g} kg on a rod of" in said
     assert f"bob {build.mass:.3g} kg as built: a solid ball of steel, {build.bob_width:.3g} m wide" in said
     assert f"frequency {build.frequency:.3g} Hz (period {1 / build.frequency:.3g} s), undamped" in said
-    assert f"{details().losses[0].runs.pairs} runs of the linear equations each" in said
+    assert f"{details().losses[0].runs.pairs} runs of the linear model each" in said
     # Without walls in the search no distance to a wall is reported as if it were kept.
     assert "the wall is at" not in said
     alone = answer(replace(design, equivalent=None))

@@ -4,9 +4,11 @@ import dataclasses
 import subprocess
 import sys
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
 from tpd.scene.pytrees import pytree
 
@@ -62,6 +64,9 @@ def test_numbers_of_a_pytree_are_leaves_and_words_are_static():
     doubled = jax.jit(lambda thing: jax.tree.map(lambda x: 2.0 * x, thing))(Thing(3.0))
     assert (doubled.size, doubled.word) == (6.0, "a")
     assert jax.tree.leaves(Thing(3.0, ("a", "b"))) == [3.0]
+    # Optax and Equinox need leaves with a shape and a type.
+    assert optax.tree.norm(eqx.filter_grad(lambda thing: thing.size**2)(Thing(3.0))) == 6.0
+    assert optax.lbfgs().init(Thing(3.0, "b"))[0].params.word == "b"
     # The same field may hold a number.
     assert jax.tree.leaves(Thing(3.0, 4.0)) == [3.0, 4.0]
     assert jax.tree.structure(Thing(1.0)) != jax.tree.structure(Thing(1.0, "b"))

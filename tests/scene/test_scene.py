@@ -309,7 +309,7 @@ def test_parts_are_compared_and_hashed_as_plain_numbers():
     assert Block(**BLOCK) == Block(**BLOCK, restitution="housner") != Block(**BLOCK, restitution=0.9)
     assert len({paper_scene(), paper_scene(), TIED}) == 2
     whole = Block(width=1, height=4, mass=100, friction=0)
-    assert all(type(x) is float for x in jax.tree.leaves(whole))
+    assert all(isinstance(x, float) for x in jax.tree.leaves(whole))
     assert jax.tree.map(lambda x: x, TIED) == TIED
 
 

@@ -90,28 +90,28 @@ class Auto(AbstractChoice):
             spare = f"{100.0 * float(reserve):.1f} % of the moment that would lift the block"
             why = f"the block never lifts: {spare} remains in reserve at all times"
             return replace(steady, model="uplift", estimate=share, reason=why)
-        # The second model: the exact solution of the linear equations.
+        # The second model: the exact solution of the linear model.
         steady, estimate = _exact(fixed, y0)
         name, error = status_name(steady.status), float(estimate)
         settles = bool(is_one_of(steady.status, *SETTLED))
         close = settles and error <= self.tolerance
-        # The nonlinear equations take most of the time. They are not followed if the initial state is already
+        # The nonlinear model takes most of the time. It is not used if the initial state is already
         # next to the settled motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
         reached = None if near else follow(Terms.nonlinear, row_of(fixed), HarmonicForcing(), y0=y0)
         if close and (reached is None or _is_same_motion(steady, reached)):
-            why = f"the estimated error of the linear equations is within {limit}"
+            why = f"the estimated error of the linear model is within {limit}"
             return replace(steady, model="exact", estimate=estimate, reason=why)
-        # The third model. The reason says why the linear equations are not used.
+        # The third model. The reason says why the linear model is not used.
         if not settles:
-            why = f"with the linear equations the outcome is {name}, so their error cannot be estimated"
+            why = f"with the linear model the outcome is {name}, so its error cannot be estimated"
         elif close and reached is not None:
             other = status_name(reached.status)
-            why = f"the outcome is {name} with the linear and {other} with the nonlinear equations"
+            why = f"the outcome is {name} with the linear and {other} with the nonlinear model"
         elif error < np.inf:
-            why = f"the estimated error of the linear equations is {error:.2g}, above {limit}"
+            why = f"the estimated error of the linear model is {error:.2g}, above {limit}"
         else:
-            why = "the error of the linear equations cannot be estimated here"
+            why = "the error of the linear model cannot be estimated here"
         complete = steady_state(fixed, model=Nonlinear(), y0=y0)
         integration_error = jnp.where(is_one_of(complete.status, *SETTLED), INTEGRATED, jnp.nan)
         return replace(complete, model="nonlinear", estimate=integration_error, reason=why)

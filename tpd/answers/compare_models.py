@@ -110,7 +110,7 @@ class Check(Printed):
         return "\n".join([*lines, _MEANING])
 
     def __str__(self) -> str:
-        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
+        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear model"]
         return "\n".join([self.table(), *verdict])
 
 
@@ -188,7 +188,7 @@ def objections(amplitude: float, swing: float, status: str, limit: float, withou
         limit: largest allowed angle of the bob, rad.
         without: settled tilt without the pendulum, rad.
     """
-    by, out = "by the nonlinear equations", []
+    by, out = "by the nonlinear model", []
     # A motion that does not settle has no sizes to compare.
     if status not in names_of(SETTLED):
         return (f"{by} the motion ends {status}",)

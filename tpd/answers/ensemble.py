@@ -99,7 +99,7 @@ def outcomes(
         conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
             default the condition of the scene.
         equations: "linear", with the exact solution, or "nonlinear".
-        rtol: relative tolerance of a step of the nonlinear equations.
+        rtol: relative tolerance of a step of the nonlinear model.
         workers: number of threads; all cores by default.
         cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished

@@ -170,7 +170,7 @@ class Fragility(Printed, Cases):
             lines.append(f"  without a result, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
             shares = " and ".join(f"{100.0 * x:.1f} %" for x in self.changed)
-            lines.append(f"  the nonlinear equations change the outcome of {shares} of the runs")
+            lines.append(f"  the nonlinear model changes the outcome of {shares} of the runs")
             if text := _listed(self.unanswered, runs):
                 lines.append(f"  without a result with these equations, and not compared: {text}")
         return "\n".join([*lines, self.conclusion])

@@ -77,7 +77,7 @@ class MotionHistory:
         if self.bob is None or self.swing is None:
             raise ValueError("a history without a pendulum has no loads on one")
         across, upwards, rate, relative = self.bob.T
-        # The linear equations neglect the square of the rate, but in a rod this force is often the largest.
+        # The linear model neglects the square of the rate, but in a rod this force is often the largest.
         pull = float(pendulum.mass) * float(pendulum.length) * rate**2
         # The force of the hinge is split into the directions along and across the rod.
         tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull

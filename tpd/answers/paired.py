@@ -156,7 +156,7 @@ class PairedRuns(Printed):
     def description(self) -> str:
         """Text with the number and the kind of the counted runs."""
         runs = self.with_pendulum
-        kind = f"{self.pairs} paired runs of the {runs.equations.value} equations, seed {runs.seed}"
+        kind = f"{self.pairs} paired runs of the {runs.equations.value} model, seed {runs.seed}"
         if self.cluster is None:
             return kind
         events = len(np.unique(self.cluster[self.rows]))
@@ -472,7 +472,7 @@ class PairedRuns(Printed):
     def table(self) -> str:
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
-        rows = [[f"{cases[0].equations.value} equations", "with pendulum", "without"]]
+        rows = [[f"{cases[0].equations.value} model", "with pendulum", "without"]]
         # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
             rows.append([name, first, "" if name.startswith("bob") else second])
@@ -505,7 +505,7 @@ def paired_runs(
         conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
             default the condition of the scene.
         equations: linear or nonlinear, see `outcomes`.
-        rtol: relative tolerance of a step of the nonlinear equations.
+        rtol: relative tolerance of a step of the nonlinear model.
         workers: number of threads; all cores by default.
         cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished

@@ -228,7 +228,7 @@ class Runs(Printed, Tabular):
         return out
 
     def __str__(self) -> str:
-        head = f"{self.outcome.size} runs of the {self.equations.value} equations, seed {self.seed}"
+        head = f"{self.outcome.size} runs of the {self.equations.value} model, seed {self.seed}"
         rows = self.rows()
         if self.is_unanswered.any():
             rows.append((UNANSWERED_ROW, str(self.is_unanswered.sum())))

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     common.print_header(scene, pendulum, notes=job.messages, at_rest=AtRest.under(scene))
     cases = dict(zip(CASES, cases_of(pendulum), strict=False))
     free = options.free
-    # The nonlinear motion of each pair decides, because the linear equations are meant for small angles.
+    # The nonlinear motion of each pair decides, because the linear model is meant for small angles.
     motions = {
         name: (transient(scene, h, model=Nonlinear(), free=free), transient(scene, h, free=free))
         for name, h in cases.items()
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         }
         results[name] = {**_numbers(nonlinear), "equations": "nonlinear", "linear": _numbers(linear) | counts}
     content = files.as_json({**common.json_inputs(scene, pendulum, job), "results": results})
-    # The animation uses the histories, which come from the linear equations.
+    # The animation uses the histories, which come from the linear model.
     films: dict[str, TimeHistory] = {}
     for name, h in histories.items():
         bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
@@ -100,8 +100,8 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
 
     Args:
         name: name of the case.
-        pair: motion by the nonlinear and by the linear equations.
-        history: history by the linear equations.
+        pair: motion by the nonlinear and by the linear model.
+        history: history by the linear model.
         strong: rate (rad/s) above which impacts are counted.
     """
     statuses = [status_name(x.status) for x in pair]
@@ -115,7 +115,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
             continue
         cells = (number(x) if math.isfinite(x) else "-" for x in values)
         yield f"  {label:40}" + "".join(f"{cell:>20}" for cell in cells)
-    # Impacts and forces are known for the linear equations only: their column is the last one.
+    # Impacts and forces are known for the linear model only: their column is the last one.
     impacts = history.impacts_above(strong)
     yield f"  {f'impacts faster than {number(strong)} rad/s':40}{'':20}{impacts:>20}"
     yield f"  {'friction coefficient to prevent sliding':40}{'':20}{number(history.needed_friction):>20}"
@@ -144,7 +144,7 @@ def difference(without: float, pendulum: float) -> str:
 
 
 def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:
-    """Yield the tables of histories and impacts by the linear equations: names and contents of the files."""
+    """Yield the tables of histories and impacts by the linear model: names and contents of the files."""
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
     rows = (
         (name, *row)

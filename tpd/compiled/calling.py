@@ -207,9 +207,9 @@ def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[
     return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
 
 
-LINEAR = Compiled("tpd.compiled.linear_entry", "tpd_exact", "the linear equations", _run_trial)
+LINEAR = Compiled("tpd.compiled.linear_entry", "tpd_exact", "the linear model", _run_trial)
 """Compiled code of the exact model, equations (25)."""
-NONLINEAR = Compiled("tpd.compiled.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _run_trial)
+NONLINEAR = Compiled("tpd.compiled.nonlinear_entry", "tpd_nonlinear", "the nonlinear model", _run_trial)
 """Compiled code of the nonlinear model, equations (4). It has the tasks `SETTLE`, `GROUND`, `STEADY_STATE`
 and `TRAJECTORY`."""
 ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)

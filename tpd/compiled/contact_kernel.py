@@ -1,6 +1,6 @@
 """The contact between block and base: the holding moment, the modes and the impacts.
 
-The rules are the same for the linear and for the nonlinear equations. The impact laws are those of
+The rules are the same for the linear and for the nonlinear model. The impact laws are those of
 `tpd.scene.impacts`.
 """
 
@@ -30,7 +30,7 @@ def moment(q, y0, y1, y3, eta):
 
 @compiled
 def ratio(q):
-    """Return the ratio of phi' after and before an impact, for the linear equations."""
+    """Return the ratio of phi' after and before an impact, for the linear model."""
     return linear_ratio(q.e, q.nu, q.mu, q.lam, q.m22 / q.lam, q.kappa)
 
 

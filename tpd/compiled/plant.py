@@ -245,7 +245,7 @@ def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
 
 @compiled
 def coefficients(x, q):
-    """Write the coefficients that the linear and the nonlinear equations share into a plant."""
+    """Write the coefficients that the linear and the nonlinear model share into a plant."""
     nu, mu, lam, zeta, k, f = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F]
     xi, rho, e, kappa = x[XI], x[RHO], x[E], x[KAPPA]
     hinge = 2.0 * zeta * np.sqrt(lam * rho)

@@ -1,4 +1,4 @@
-"""Simulation of a run under a harmonic until it repeats, rests or overturns, for the linear equations.
+"""Simulation of a run under a harmonic until it repeats, rests or overturns, for the linear model.
 
 The rules are those of `tpd.models.settling`. If a motion approaches its orbit slowly, Newton's method
 computes the orbit (`tpd.compiled.near_orbits`).

@@ -33,7 +33,7 @@ TOLERANCE = 1e-6
 """Default difference between two periods that counts as settled, relative to
 `tpd.compiled.repetition.scales_of`."""
 _SETTLED, _LOOSEST = 100.0, 1e-4
-"""Under the nonlinear equations the difference is this multiple of the tolerance of a step, at least
+"""Under the nonlinear model the difference is this multiple of the tolerance of a step, at least
 `TOLERANCE`, and at most the second number, which changed no outcome of 4 096 runs."""
 REST_RATES = {Terms.linear: 2e-7, Terms.nonlinear: 1e-4}
 """Default rate |phi'|/nu below which an impact ends in rest, if the block can then be held."""
@@ -172,7 +172,7 @@ def follow(
     """Simulate a run, or a batch of runs.
 
     Args:
-        equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN). There every
+        equations: linear or nonlinear. Runs of the nonlinear model have no derivatives (NaN). There every
             landing is an impact, and a run that does not repeat is `not_settled`.
         rows: parameters as in `tpd.compiled.rows`, shape (10,) for one run, or (n, 10) for a batch. JAX may
             trace the parameters of one run.
@@ -185,10 +185,10 @@ def follow(
             bound on the events of the run, in addition to one event for each piece, by default one of
             `GROUND_EVENTS`.
         tolerance: difference between two periods that counts as settled, by default `TOLERANCE`. If the steps
-            of the nonlinear equations are less accurate, it is larger in proportion, up to 1e-4.
-        rtol: relative tolerance of a step of the nonlinear equations.
+            of the nonlinear model is less accurate, it is larger in proportion, up to 1e-4.
+        rtol: relative tolerance of a step of the nonlinear model.
         brief: whether free motion after a ground motion may end as soon as it cannot tilt the block further.
-            Then only tilt, uplift and overturning are valid. This option is for the linear equations.
+            Then only tilt, uplift and overturning are valid. This option is for the linear model.
         parameters: number of parameters with derivatives in a traced run under a ground motion. The last one,
             the height of the hinge, is rarely needed, and every derivative costs time.
         workers: number of threads for a batch, by default one for each core.
@@ -197,7 +197,7 @@ def follow(
     Returns:
         The results. A batch gives leaves of leading axis n.
 
-        One run of the linear equations under a ground motion has exact derivatives in the parameters, the
+        One run of the linear model under a ground motion has exact derivatives in the parameters, the
         pieces, the free time and the initial state: those of the angles, of their times, of the time of the
         first uplift, of the state and of the growing coordinate. A derivative that does not exist is NaN, and
         so is that of the time of overturning. A run under a harmonic has no derivatives.
@@ -320,7 +320,7 @@ def _trace_ground_run(
     x, y, c, s = map(stop_gradient, operands)
     (out,) = engine((shape(numbers_in(RUN)),), s, x, y, c)
     run = run_of(out)
-    # The package has no derivatives of the nonlinear equations: these results get the derivative NaN.
+    # The package has no derivatives of the nonlinear model: these results get the derivative NaN.
     names = ("tilt", "swing", "rod_angle", "times", "state", "uplift_time", "overturning_time")
     return run._replace(**{name: refused_in(operands, getattr(run, name)) for name in names})
 
@@ -333,11 +333,11 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple
     """Return the steady state of a run under a harmonic, and the slopes of amplitude, swing and state.
 
     Args:
-        equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
+        equations: linear or nonlinear. For the nonlinear model the multipliers, the Lyapunov exponent and
             the derivatives are NaN.
         x: parameters and initial state at tau = 0, shape (14,). If `x` is a NumPy array, the results are
             NumPy numbers, and no JAX program runs.
-        limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
+        limits: periods, events, tolerance and rest_rate. The linear model also needs `lyapunov_periods`,
             the number of periods over which the separation of neighbouring runs is measured. The nonlinear
             equations also need rtol.
         slopes: number of parameters, from the first on, in which to compute the slopes. The others are NaN.
@@ -384,7 +384,7 @@ _ground_run_with_all_slopes = once(partial(_ground_run_from, 2))
 def _ground_run(
     x: Array, y: Array, pieces: Array, settings: Array, parameters: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the results of one run of the linear equations under a ground motion.
+    """Return the results of one run of the linear model under a ground motion.
 
     These are the three largest angles; the state at the end with the growing coordinate; the times of the
     angles, of the first uplift and of overturning; and all results as floats. Derivatives are those in the

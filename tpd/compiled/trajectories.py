@@ -73,12 +73,12 @@ def trajectory(
     The run starts from `y0` at `times[0]`.
 
     Args:
-        equations: linear or nonlinear. Derivatives of the linear equations are exact, and those of the
+        equations: linear or nonlinear. Derivatives of the linear model are exact, and those of the
             nonlinear ones are NaN.
         p: parameters.
         y0: initial state (phi, psi, phi', psi').
         times: increasing times (tau).
-        limits: settings by their names: events, rest_rate, and rtol for the nonlinear equations.
+        limits: settings by their names: events, rest_rate, and rtol for the nonlinear model.
     """
     engine = ENGINES[equations]
     s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))

@@ -117,6 +117,11 @@ def readable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
 
 
+def label_of(path: Path) -> str:
+    """Return the name of a file in one line, for messages and tables."""
+    return re.sub(r"[\x00-\x1f\x7f]+", " ", path.name or str(path))
+
+
 def source_files(folder: Path) -> list[Path]:
     """Return the Python files in a folder of this package, or the wheel that contains the folder."""
     return sorted(folder.rglob("*.py")) or [next(path for path in folder.parents if path.is_file())]

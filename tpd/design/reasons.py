@@ -30,7 +30,7 @@ class DesignStatus(enum.Enum):
     _remedy: str
 
     recommended = (
-        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the pendulum "
+        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear model the pendulum "
         "has the required benefit, and under no condition does it do significant harm. This is not a "
         "safety assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",

@@ -114,7 +114,7 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
     sizes, status = orbits["sizes"], orbits["status"].astype(int)
     # Of several attracting orbits the page shows the largest, which is the cautious choice. Orbits next to a
     # fold count as none: their stability is not known.
-    # The linear equations have orbits also beyond the toppling tilt, where no block rocks.
+    # The linear model has orbits also beyond the toppling tilt, where no block rocks.
     largest = sizes[..., SIZES["amplitude"]] / nu
     attracts, repels = (np.isin(status, kinds) & (largest < 1.0) for kinds in (_STABLE, _OTHERS))
     fields = {

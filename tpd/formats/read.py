@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.core.files import label_of
 from tpd.core.formatting import install
 from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
@@ -106,7 +107,7 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
 
 def channels(file: Path, how: Options) -> list[Channel]:
     """Return all channels of a file after checks. Options and errors are those of `tpd.Record.read`."""
-    channels, label = list[Channel](), file.name or str(file)
+    channels, label = list[Channel](), label_of(file)
     try:
         read = _of_bytes(_content(file), how)
         # The name of a file with several channels says nothing about a single channel.
@@ -114,7 +115,7 @@ def channels(file: Path, how: Options) -> list[Channel]:
         for i, channel in enumerate(read):
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
-                label = f"{file.name}, channel {i}{component}"
+                label = f"{label_of(file)}, channel {i}{component}"
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
                 wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
@@ -136,7 +137,7 @@ def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
     if channel is None or not 0 <= channel < len(every):
         each = (f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every))
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
-        raise UnreadableRecord(f"{file.name}: the file has the channels {', '.join(each)}; {wrong}")
+        raise UnreadableRecord(f"{label_of(file)}: the file has the channels {', '.join(each)}; {wrong}")
     return every[channel]
 
 

@@ -37,7 +37,7 @@ edge at a ratio of 1 is drawn."""
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     """Draw the mean tilt over mass ratio and length ratio, at the damping ratio of the best design.
 
-    Dark areas have a large tilt. The field is the trend of all trial runs of the linear equations, by a
+    Dark areas have a large tilt. The field is the trend of all trial runs of the linear model, by a
     smoothing spline. It is grey where the trials do not determine the trend, and hatched where a limit
     is exceeded; the name of the limit stands at its edge. Dots are trial designs, thin lines the paths of the
     descents, crosses the designs that the validation rejected, and the star is the best design.

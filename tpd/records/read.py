@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core.checks import PLAUSIBLE
-from tpd.core.files import path_of, readable
+from tpd.core.files import label_of, path_of, readable
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration, StatedByFile
@@ -99,7 +99,7 @@ def read_motions(
                 except NoAcceleration as error:
                     if not path.is_dir():
                         raise
-                    omitted.append(f"{file.name} ({error.content})")
+                    omitted.append(f"{label_of(file)} ({error.content})")
                     records = []
             for record in records:
                 vertical = VERTICAL in record.notes

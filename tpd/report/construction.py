@@ -81,7 +81,7 @@ def _sizes(design: Design, build: Build) -> Table:
     if loads.motions:
         forces = (
             f"Forces are the largest of {loads.motions} motions of the job in which the block does not "
-            "overturn, by the linear equations with nominal values and the whole mass of bob and rod. "
+            "overturn, by the linear model with nominal values and the whole mass of bob and rod. "
             "Harmonic motions last 40 periods from rest; if there are many motions, those with the largest "
             "swing are used. Impacts of the block are not included: the factor of safety of the parts below "
             "allows for them."

@@ -72,7 +72,7 @@ _CAPTIONS = {
     ),
     "animation.gif": (
         "Animation of the block on its moving base, without and with the pendulum",
-        "Motion from rest under the scene's own excitation, by the linear equations: the seconds around the "
+        "Motion from rest under the scene's own excitation, by the linear model: the seconds around the "
         "last overturning, or the first seconds if the block overturns in neither case.",
     ),
     "benefit.svg": (
@@ -83,13 +83,13 @@ _CAPTIONS = {
     ),
     "response.svg": (
         "Settled amplitude against frequency, and share of runs that overturn, without and with the pendulum",
-        "Top: settled motion from rest, by the linear equations. Triangles and crosses: the block "
+        "Top: settled motion from rest, by the linear model. Triangles and crosses: the block "
         "overturns. Bottom: share of the runs from rest within 5 % of each frequency that overturn, with "
         "its 95 % interval. Whether a single run overturns is often chance. Dotted: frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "Motion from rest under the scene's own excitation, by the linear equations, without the pendulum "
+        "Motion from rest under the scene's own excitation, by the linear model, without the pendulum "
         "(grey) and with it (blue). The block was followed over 100 periods. The picture ends after 24 of "
         "them, or after the last overturning. The stroke limit (dotted) applies to the settled motion only.",
     ),

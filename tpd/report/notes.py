@@ -88,7 +88,7 @@ def _from_rest(design: Design, without_pendulum: ExactMotions, exact: ExactMotio
         first = f" (first: {design.conditions.label(int(worse[0]))})" if worse.size else ""
         # A single motion close to overturning is chance, so only the counts of both cases are compared.
         yield (danger if worse.size and worse.size >= better else note)(
-            f"In motions from rest by the linear equations, the block OVERTURNS with the pendulum under "
+            f"In motions from rest by the linear model, the block OVERTURNS with the pendulum under "
             f"{pendulum.sum()} of {pendulum.size} conditions{stated}, and without it under {without.sum()}. "
             f"The pendulum causes overturning under {worse.size}{first}, and prevents it under {better}."
         )
@@ -152,7 +152,7 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
             f"Rest is a stable state with this pendulum{where}, but the transient from rest leads to rocking."
         )
     if (swing := finite_max(exact.settled_swing)) > LARGE_STROKE:
-        yield note(f"At a swing of {swing:.2f} rad the linear equations of the pendulum are inaccurate.")
+        yield note(f"At a swing of {swing:.2f} rad the linear model of the pendulum is inaccurate.")
     if (multiplier := finite_max(exact.multiplier[rocks])) > SLOW:
         yield note(f"The settled motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
@@ -198,7 +198,7 @@ def _responses(details: Details) -> Iterator[Note]:
         where = f"Between {low:.3g} and {high:.3g} Hz" if high > low else f"At {low:.3g} Hz"
         shares = overturned_between(details.responses, *window(pendulum.frequency[i]))
         yield danger(
-            f"{where} the block OVERTURNS more often with the pendulum ({shares}). Linear equations, same "
+            f"{where} the block OVERTURNS more often with the pendulum ({shares}). Linear model, same "
             "base amplitude."
         )
 

@@ -283,7 +283,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     source = "Tilts: largest attracting symmetric orbit, over all initial states"
     if design.problem.rest_counts:
         source = "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
-    caption = f"{source}. Linear equations."
+    caption = f"{source}. Linear model."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
     # A table with one condition would repeat the table above.
     if n == 1:
@@ -303,7 +303,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     head = ("condition", *(f"without: {name}" for name in columns))
     if motions[1:]:
         head += (*(f"with: {name}" for name in columns), "with: bob angle (rad)")
-    caption = "Tilt, orbit and bob angle: attracting orbit. From rest: outcome of one run. Linear equations."
+    caption = "Tilt, orbit and bob angle: attracting orbit. From rest: outcome of one run. Linear model."
     if motions[1:] and design.pendulum is None:
         caption += " This design came nearest and is not recommended."
     return [*out, Table(head, tuple(cells), caption)]
@@ -314,7 +314,7 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     trials, search = design.trials, design.search
     if trials is None:
         return []
-    text = f"Trial runs of the linear equations evaluated {len(trials.designs)} designs."
+    text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
     text += unanswered(int(trials.undecided.sum()))
     if search is not None:
         # Descents with the same outcome are counted.

@@ -98,11 +98,11 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "friction", design.sliding
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
-        # The linear equations can give another benefit than the nonlinear ones, so the benefit with the
+        # The linear model can give another benefit than the nonlinear one, so the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {percent(m.low.mean)}" for m in details.sensitivity if not m.name]
         count, listed = details.losses[0].runs.pairs, ", ".join([*stated, *cases])
-        by = f"{count} runs of the linear equations each, for comparison only"
+        by = f"{count} runs of the linear model each, for comparison only"
         yield "losses", f"reduction of the mean tilt if the energy loss is another ({by}): {listed}"
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.

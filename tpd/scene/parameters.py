@@ -103,7 +103,7 @@ class Parameters:
         for name in ("mu", "zeta", "k", "f"):
             checks.not_negative(name, getattr(self, name), 0.0, GREATEST, every=True)
         checks.positive("kappa", self.kappa, 1.0 / GREATEST, HIGHEST_HINGE, " (twice the height)", every=True)
-        why = " (the linear equations neglect terms of order nu**2)"
+        why = " (the linear model neglects terms of order nu**2)"
         checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, why, every=True)
         if self.rho is not None:
             checks.within("rho", self.rho, 1e-6, 1.0, every=True)

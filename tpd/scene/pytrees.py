@@ -63,7 +63,9 @@ def pytree(cls: Class) -> Class:
         values = {name: getattr(thing, name) for name in fixed}
         words = tuple((name, value) for name, value in values.items() if _is_words(value))
         names = tuple(name for name, value in values.items() if not _is_words(value))
-        return tuple((GetAttrKey(name), values[name]) for name in names), (names, words)
+        # Optax and Equinox take a float of Python for a constant without a shape or a derivative.
+        leaves = (np.float64(x) if type(x) is float else x for x in map(values.get, names))
+        return tuple(zip(map(GetAttrKey, names), leaves, strict=True)), (names, words)
 
     def unflatten(static: Static, leaves: Any) -> Any:
         # Bypass the constructor and its checks: JAX substitutes objects of its own for leaves.

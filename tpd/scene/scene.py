@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -50,6 +50,10 @@ cm/s^2) and 32.2 (in ft/s^2) lie outside."""
 def _convert_numbers(thing: Any) -> None:
     """Convert the numbers among the fields of a frozen dataclass to floats, and the arrays to plain
     arrays."""
+    for f in fields(thing):
+        if f.default is MISSING and getattr(thing, f.name) is None:
+            use = "`in_axes` of `jax.vmap` must be 0, with an array in every field"
+            raise ValueError(f"`{f.name}` must be a number, but is None: {use}")
     # `jax.grad` does not accept integers, but a user may write `Block(width=1, ...)`.
     checks.set_checked(thing, checks.plain, " ".join(f.name for f in fields(thing)))
 
@@ -136,8 +140,8 @@ class Block:
             checks.positive("base_friction", self.base_friction, 0.0, LARGEST_COEFFICIENT, every=True)
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
-                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
-                f"drop terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
+                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear model "
+                f"neglects terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
                 + (": are width and height exchanged?" if np.any(self.slenderness > 1.0) else "")
             )
 

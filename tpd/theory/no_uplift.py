@@ -142,7 +142,7 @@ def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
     friction = f"the base needs a coefficient of friction of {listed}{has}"
     if slides:
         return f"{SLIDES}: {friction}. The equations have no sliding."
-    return f"While the block rocks from rest, {friction} (linear equations)."
+    return f"While the block rocks from rest, {friction} (linear model)."
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
