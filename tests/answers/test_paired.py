@@ -62,12 +62,12 @@ def test_the_pendulum_reduces_the_tilt_of_the_block_of_the_paper():
     )
     for found, equations in ((linear, "linear"), (nonlinear, "nonlinear")):
         assert found.with_pendulum.equations == found.without_pendulum.equations == equations
-        assert found.description == f"96 paired runs of the {equations} equations, seed 0"
+        assert found.description == f"96 paired runs of the {equations} model, seed 0"
         worse, better = found.only
         assert worse < better
         assert not found.overturns_more
         assert found.benefit.low > 0.0
-        assert found.table().startswith(f"{equations} equations")
+        assert found.table().startswith(f"{equations} model")
     assert linear.with_pendulum.share_overturned.high < linear.without_pendulum.share_overturned.low
     assert "after a disturbance" in linear.table()
     assert str(linear.without_pendulum.share_overturned) in linear.table()
@@ -165,6 +165,9 @@ def test_runs_without_a_result_are_left_out_and_counted():
     assert found.with_pendulum.share_overturned.value == 0.0
     (row,) = (line for line in found.table().splitlines() if "without a result" in line)
     assert row.split()[-2:] == ["2", "2"]
+    # Wide cells keep a gap.
+    (row,) = (line for line in paired([np.inf], [np.inf]).table().splitlines() if line.startswith("largest"))
+    assert row.split()[-6:] == ["overturns"] * 6
     assert found.summary()["undecided"] == 3
     # Each of them overturned with the pendulum and rested without it, and the other way about.
     against, favour = (end.benefit.mean for end in found.ends)

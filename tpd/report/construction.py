@@ -134,10 +134,9 @@ def _parts(build: Build) -> list[Block]:
         "threads and welds are not included."
     )
     second = (
-        "A pin lets the pendulum swing in one direction only. In the second horizontal direction the "
-        "pendulum moves with the block and does not reduce rocking. If the block can rock in both "
-        "directions, as a square block or chimney can, use a universal joint with a linear damper in each "
-        "direction, and check each direction as a separate design."
+        "A pin lets the pendulum swing in one direction only. The second direction needs a second design "
+        "(universal joint or second pendulum). A square block or chimney can rock in both directions: use a "
+        "linear damper in each of them."
     )
     return [Table(("part", "size", "remark"), tuple(rows), caption), Text(second)]
 

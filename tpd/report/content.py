@@ -52,7 +52,7 @@ _SCOPE: tuple[tuple[Cell, ...], ...] = (
     (
         "second horizontal direction",
         "none: one pendulum reduces rocking in one direction",
-        "a pendulum for each direction in which the block can rock, each designed and checked",
+        "the second direction needs a second design (universal joint or second pendulum)",
     ),
     (
         "inspection",
