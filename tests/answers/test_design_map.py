@@ -86,6 +86,7 @@ def test_each_cell_equals_the_symmetric_orbit_of_its_design():
     assert sum(m.counts.values()) == 20
 
 
+@pytest.mark.filterwarnings("ignore:.* whose acceleration is usually at most 2 g")
 def test_a_map_in_si_units_equals_the_orbits_of_its_scenes():
     m = over_motion()
     assert set(m.counts) == {"rocking", "rest", "unstable"}

@@ -64,7 +64,7 @@ def test_exported_histories_contain_both_cases(report, tmp_path):
     table = columns(tmp_path / "histories.csv")
     assert list(table) == ["time_s", "base_m_s2", "without_tilt_rad", "with_tilt_rad", "with_swing_rad"]
     assert table["base_m_s2"].max() == pytest.approx(0.5 * 9.80665, rel=1e-4)
-    done = call("export", report, "--as csv", pulse.replace("2 --pga 0.5", "1 --pga 3"))
+    done = call("export", report, "--as csv", pulse.replace("2 --pga 0.5", "1 --pga 2"))
     assert "without_tilt_rad: the block overturns; the cells after that time are empty" in done.out
 
 
