@@ -67,6 +67,12 @@ def test_a_repetition_after_more_than_the_stored_periods_is_not_detected():
     assert int(after(*map(period, [*states, states[0]])).repeats) == 0
 
 
+@pytest.mark.parametrize(("decay", "repeats"), [(0.3, 1), (0.99, 0)])
+def test_a_motion_settles_only_if_the_sum_of_its_further_changes_is_small(decay, repeats):
+    record = after(*(period(4 * [0.5 + 9e-9 / (1.0 - decay) * decay**n]) for n in range(1, 4)))
+    assert int(record.repeats) == repeats
+
+
 def test_a_bob_without_mass_is_left_out_of_the_scales_by_default():
     without = as_arrays(parameters((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 4.0)))
     np.testing.assert_allclose(scale_of(without), [0.2, np.inf, 0.8, np.inf])

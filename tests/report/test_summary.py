@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.designs import paired
-from tests.report.conftest import LITTLE, STRIKES, against, details, flat, ground, harmonic, rejected
+from tests.report.conftest import LITTLE, STRIKES, against, details, flat, ground, harmonic, rejected, tuned
 from tpd.answers.paired import Decision
 from tpd.answers.statistics import Interval
 from tpd.design.as_built import Details, build_of
@@ -87,12 +87,19 @@ def test_the_verdict_distinguishes_corrected_from_uncorrected_intervals():
     assert runs.benefit_in_words.startswith(less)
 
 
-def test_too_few_earthquakes_are_reported_first():
-    said = verdict(ground()).text
-    assert said.startswith(
-        "TOO FEW EARTHQUAKES to validate a pendulum: at least 5 earthquakes for the search and 5 others"
-    )
-    assert flat(answer(ground())).startswith("TOO FEW EARTHQUAKES")
+@pytest.mark.parametrize("make", [ground, tuned])
+def test_a_verdict_about_few_earthquakes_comes_first_and_has_the_shares_of_the_same_runs(make):
+    design = make()
+    few = "TOO FEW EARTHQUAKES to validate a pendulum: at least 5 earthquakes for the search and 5 others"
+    said = verdict(design).text
+    assert said.startswith(few if make is ground else "TUNED TO THESE MOTIONS ONLY: ")
+    assert flat(answer(design)).startswith(said[:20])
+    share = design.runs.change("overturned")
+    assert (share.with_pendulum, share.without_pendulum) == (0.0, 0.0)
+    assert "In 2 paired runs of these motions: no run overturns, with the pendulum or without it." in said
+    falls = paired([np.inf] * 4 + [0.1] * 6, [np.inf] * 8 + [0.1] * 2)
+    other = replace(design, validated=(replace(design.validated[-1], quoted=falls),))
+    assert "with the pendulum 40.0 % of the runs still overturn (80.0 % without it)." in verdict(other).text
 
 
 def test_a_share_near_its_limit_has_enough_digits_to_differ_from_it():

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.compiled.columns import SWING, TILT
+from tpd.compiled.repetition import EXACT
 from tpd.compiled.simulate import Run
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
@@ -75,11 +76,15 @@ class Record(NamedTuple):
         # The new state is compared with the states after the last few periods: a motion of period n repeats
         # the n-th of them. States are compared, and not amplitudes, because two different motions may have
         # the same amplitude.
-        errors = jnp.max(jnp.abs(period.y[None] - self.past.y) / scale[None], axis=1)
+        distances = lambda y, states: jnp.max(jnp.abs(y[None] - states) / scale[None], axis=1)  # noqa: E731
+        errors, before = distances(period.y, self.past.y), distances(self.past.y[0], self.past.y[1:])
+        # The sum of all further changes must be small as well, see `tpd.compiled.repetition`.
+        falls = jnp.append(jnp.where(jnp.isfinite(before), before, 0.0), 0.0) - errors
+        close = (errors < tolerance) & ((errors < EXACT * tolerance) | (errors**2 < tolerance * falls))
         # A transient that alternates and converges to a motion of period one repeats after two periods sooner
         # than after one. Once one error is below the tolerance, the shortest period with a similarly small
         # error is therefore selected.
-        repeats = jnp.where(jnp.any(errors < tolerance), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
+        repeats = jnp.where(jnp.any(close), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
         push = lambda new, old: jnp.concatenate([jnp.asarray(new)[None], old[:-1]])  # noqa: E731
         past = jax.tree.map(push, period, self.past)
         # After an early end the state may be unchanged, which is not a repetition.
