@@ -83,8 +83,7 @@ def test_a_tight_tolerance_selects_the_nonlinear_model(x):
     assert abs(float(found.amplitude) / float(top.amplitude) - 1.0) <= float(found.estimate) <= 0.5
     assert "within the tolerance 0.5" in found.reason
     assert (
-        f"error of the linear model is {float(found.estimate):.2g}, above the tolerance 1e-05"
-        in top.reason
+        f"error of the linear model is {float(found.estimate):.2g}, above the tolerance 1e-05" in top.reason
     )
     if x == WITH[3].x:
         assert float(found.amplitude) == pytest.approx(WITH[3].amplitude, rel=1e-9)

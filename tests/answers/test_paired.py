@@ -130,9 +130,7 @@ def test_runs_of_one_earthquake_count_as_one_observation():
     assert found["one"].benefit.high - found["one"].benefit.low > (
         found["independent"].benefit.high - found["independent"].benefit.low
     )
-    assert found["one"].description.endswith(
-        "40 paired runs of the nonlinear model, seed 0, 31 earthquakes"
-    )
+    assert found["one"].description.endswith("40 paired runs of the nonlinear model, seed 0, 31 earthquakes")
     # Harm to one group is harm, though all runs together show none.
     group, cluster = np.repeat([0, 1], 40), np.arange(80)
     with_it = np.where((group == 0) & (np.arange(80) < 10), np.inf, 0.4)

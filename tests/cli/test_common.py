@@ -223,6 +223,7 @@ job excitation.records = ["C:\Users\a.AT2"] | write a path with backslashes in s
 job excitation.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
 fragility SIZE --records el-centro --intensity sa | a spectral acceleration, needs `period` (--period S)
 fragility SIZE --records el-centro --intensity pga --period 1 | (--period) has an effect only with the
+assess SIZE --records el-centro --intensity pgv | a design for records needs `excitation.scales` (--scales)
 assess SIZE --records el-centro --scales 1 --intensity PGA | but is 'PGA'; did you mean `pga`?
 optimise --at-least 20% | `requirements.at_least` must be a number, but is '20%'; write 0.2 for 20%
 optimise --stroke 5% | write 0.05 for 5%

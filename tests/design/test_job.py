@@ -296,9 +296,8 @@ conditions.exactly = true; bob.density = 11340 | `bob.density` requires a limit 
 conditions.exactly = true; limits.worsening = 0.1 | `limits.worsening` requires more than the stated motion
 limits = {clearance = false, stroke = false}; requirements.wall_contacts = 0.1 | requires a limit on runs in
 ensemble = {disturbed = 0, swing = 0.1} | `ensemble.swing` requires a share `ensemble.disturbed` above 0
-block.friction = 0; ensemble.friction = 0.1 | `ensemble.friction` requires a `block.friction` above 0, which this job does not
-block.friction = 0; scatter.friction = 0.1 | `scatter.friction` requires a `block.friction` above 0, which this job does not
-excitation = {records = ["el-centro"], intensity = "pgv"} | `excitation.intensity` requires `excitation.scales`, which this
+block.friction = 0; ensemble.friction = 0.1 | `ensemble.friction` requires a `block.friction` above 0
+space.damping_ratio = 0.0; ensemble.damping = 0.1 | `ensemble.damping` requires a `space.damping_ratio` above 0
 excitation = {RECORDS, pga = 0.3} | `excitation.pga` requires `excitation.intensity` scale, or no `excitation
 limits.tilt = true | [limits] `tilt` must be a number or false, but is true
 """

@@ -100,6 +100,10 @@ def check_inputs(options: argparse.Namespace) -> Case:
     return case
 
 
+_SIZED = {"records", "scales", "pga", "intensity"}
+"""Keys of records and of their sizes."""
+
+
 def _complete_motion(options: argparse.Namespace) -> None:
     """Add keys of the motion that every job requires although the command does not use them."""
     motion = tables_of(options).get("excitation", {})
@@ -109,7 +113,7 @@ def _complete_motion(options: argparse.Namespace) -> None:
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
         # Any frequency and size will do: the spectrum replaces them.
         set_keys(options, "excitation", {"pulse_frequency": 1.0, "pga": 1.0})
-    elif options.command == "assess" and "records" in motion and not {"scales", "pga"} & set(motion):
+    elif options.command == "assess" and motion.keys() & _SIZED == {"records"}:
         # Without a scale the block is assessed under the records as they are. A design needs scales.
         set_keys(options, "excitation", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):

@@ -149,8 +149,8 @@ _LIMITED = Need(
     lambda full: any(full["limits"][kind.name] not in _OFF for kind in LIMIT_KINDS if kind.of_motion),
 )
 _DISTURBED = Need("a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0)
-_WITH_FRICTION = Need("a `block.friction` above 0", lambda full: full["block"]["friction"] != 0.0)
-_SCALED = Need("`excitation.scales`", lambda full: full["excitation"]["scales"] is not None)
+_DAMPED = Need("a `space.damping_ratio` above 0", lambda full: full["space"]["damping_ratio"] != 0.0)
+_ROUGH = Need("a `block.friction` above 0", lambda full: full["block"]["friction"] != 0.0)
 _SIZED = Need(
     "`excitation.intensity` scale, or no `excitation.scales`",
     lambda full: (
@@ -196,7 +196,7 @@ class _Excitation(msgspec.Struct):
     """Values of the intensity, in its unit, to which every motion is scaled, such as 1.5 2 3."""
     intensity: Annotated[
         str | None,
-        Key("WORD", _SHAKEN, _SCALED, defaults={"pulse": "scale", "records": "pga_star"}),
+        Key("WORD", _SHAKEN, defaults={"pulse": "scale", "records": "pga_star"}),
     ] = None
     """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
@@ -301,7 +301,6 @@ def under(kinds: tuple[str, ...], keys: Mapping[str, Key], **more: Any) -> dict[
 
 def of_ground_motions(keys: Mapping[str, Key]) -> dict[str, Key]:
     """Return keys for quantities of runs, of which only some vary under pulses and records."""
-    keys = {**keys, "friction": msgspec.structs.replace(keys["friction"], need=_WITH_FRICTION)}
     return {**keys, **under(_HARMONIC, {name: key for name, key in keys.items() if name not in SCATTERED})}
 
 
@@ -386,6 +385,8 @@ TABLES: dict[str, dict[str, Key]] = {
             Ensemble,
             size=Key(defaults={"harmonic": VALIDATION_RUNS}),
             **dict.fromkeys(DISTURBANCE, Key(need=_DISTURBED)),
+            friction=Key(need=_ROUGH),
+            damping=Key(need=_DAMPED),
         )
     ),
 }
