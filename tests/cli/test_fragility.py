@@ -56,7 +56,14 @@ def test_runs_without_a_solution_are_reported(run, monkeypatch):
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
-    [(("--scales", "2", "1"), "increasing numbers"), (("--intensity", "x"), "`intensity` must be")],
+    [
+        (("--scales", "2", "1"), "increasing numbers"),
+        (("--intensity", "x"), "`intensity` must be"),
+        (
+            ("--intensity", "pga", "--scales", "10", "30"),
+            "of `scales` must be at most 10 g, but is 30 g: is it in g?",
+        ),
+    ],
 )
 def test_invalid_intensity_levels_are_rejected(run, words, sentence):
     done = run("fragility", COLUMN, "--records", "el-centro", *words)

@@ -297,7 +297,7 @@ conditions.exactly = true; limits.worsening = 0.1 | `limits.worsening` requires 
 limits = {clearance = false, stroke = false}; requirements.wall_contacts = 0.1 | requires a limit on runs in
 ensemble = {disturbed = 0, swing = 0.1} | `ensemble.swing` requires a share `ensemble.disturbed` above 0
 block.friction = 0; ensemble.friction = 0.1 | `ensemble.friction` requires a `block.friction` above 0
-space.damping_ratio = 0.0; ensemble.damping = 0.1 | `ensemble.damping` requires a `space.damping_ratio` above 0
+space.damping_ratio = 0.0; ensemble.damping = 0.1 | `ensemble.damping` requires a `space.damping_ratio` above
 excitation = {RECORDS, pga = 0.3} | `excitation.pga` requires `excitation.intensity` scale, or no `excitation
 limits.tilt = true | [limits] `tilt` must be a number or false, but is true
 """

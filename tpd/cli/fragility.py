@@ -41,8 +41,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     if (hazard := job.hazard) is not None:
         # A hazard over another intensity must not be noticed only after all runs.
         hazard.factor(measure_of(job.intensity, scene.block, scene.gravity, options.period))
-    scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
-    strongest = max(float(m.pga) for m in scaled)
+    strongest = max(float(m.pga / measure.value(m)) for m in motions) * float(max(intensities))
     block = scene.block
     # `AtRest.under` would use the motion of the scene, which is not scaled.
     at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
@@ -59,6 +58,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             cluster=cluster,
             progress=lambda done, total: bar("ground motions", done, total),
         )
+    scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
     friction = wrapped(sliding(scene, scaled, pendulum))
     rates = None if hazard is None else annual_rates(curves, hazard, seed=job.seed)
     yearly = (HOW_TO,) if rates is None else rates.sentences
