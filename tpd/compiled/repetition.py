@@ -30,7 +30,7 @@ NEWEST = np.int64(0)
 LONGEST = 8
 """Longest period of a motion that is recognised, in forcing periods. One more period is stored, because the
 decay of a change follows from two changes."""
-EXACT = 1e-3
+_EXACT = 1e-3
 """Largest change in a period for which its decay does not matter, as a share of the tolerance."""
 PERIOD = np.dtype([("y", np.float64, (4,)), *((n, np.float64) for n in ("tilt", "swing", "hold_level"))])
 """A forcing period: the state `y` at its end, the largest |phi| and |psi|, and the hold level, see
@@ -68,7 +68,7 @@ def repeats_after(q, y, past, count, scales, tolerance):
             # The sum of all further changes must be small as well, if they decay as in the last period. A
             # motion that decays slowly is not close to its limit yet, or returns by chance.
             before = distance(q, past[NEWEST].y, past[j + 1].y, scales) if j + 1 < count else 0.0
-            exact = error < EXACT * tolerance or not decays
+            exact = error < _EXACT * tolerance or not decays
             close = exact or error * error < tolerance * (before - error)
         # A motion that converges to period one may alternate, and be closer to the state two periods ago. So
         # the shortest period counts that is almost as close.

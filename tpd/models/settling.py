@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.compiled.columns import SWING, TILT
-from tpd.compiled.repetition import EXACT
 from tpd.compiled.simulate import Run
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
@@ -18,6 +17,8 @@ from tpd.scene.status import Status
 
 LONGEST = 8
 """Longest period, in forcing periods, that is recognised as a repetition."""
+_EXACT = 1e-3
+"""Largest change in a period for which its decay does not matter, as a share of the tolerance."""
 
 
 class Period(NamedTuple):
@@ -77,10 +78,10 @@ class Record(NamedTuple):
         # the n-th of them. States are compared, and not amplitudes, because two different motions may have
         # the same amplitude.
         distances = lambda y, states: jnp.max(jnp.abs(y[None] - states) / scale[None], axis=1)  # noqa: E731
-        errors, before = distances(period.y, self.past.y), distances(self.past.y[0], self.past.y[1:])
+        errors, before = distances(period.y, self.past.y), distances(self.newest.y, self.past.y[1:])
         # The sum of all further changes must be small as well, see `tpd.compiled.repetition`.
         falls = jnp.append(jnp.where(jnp.isfinite(before), before, 0.0), 0.0) - errors
-        close = (errors < tolerance) & ((errors < EXACT * tolerance) | (errors**2 < tolerance * falls))
+        close = (errors < tolerance) & ((errors < _EXACT * tolerance) | (errors**2 < tolerance * falls))
         # A transient that alternates and converges to a motion of period one repeats after two periods sooner
         # than after one. Once one error is below the tolerance, the shortest period with a similarly small
         # error is therefore selected.
