@@ -107,7 +107,7 @@ def test_return_periods_and_probabilities_become_rates():
     [
         # Numbers in m/s^2, and probabilities in 50 years as rates.
         ({"levels": [0.3, 0.8, 1.6], "rates": [0.014, 0.0021, 4e-4]}, "once in 4[0-9]+ years.*`levels` in g"),
-        ({"levels": [0.07, 0.33], "rates": [0.5, 0.02]}, r"\[0.5 +0.02\] times a year: are the `rates` prob"),
+        ({"levels": [0.07, 0.33], "rates": [0.5, 0.02]}, r"0\.5, 0\.02 times a year: are the `rates` prob"),
         ({"levels": [0.01, 0.33], "rates": [1.5, 1e-3]}, "are the `rates` probabilities in many years"),
     ],
 )

@@ -75,6 +75,7 @@ UNITS = {
     ),
     "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
     "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
+    "axis of vmap": (Pendulum, {**PENDULUM, "length": None}, "`in_axes` of `jax.vmap` must be 0, with an"),
 }
 """Quantities in another unit, each with what the sentence says."""
 

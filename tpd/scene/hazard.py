@@ -98,7 +98,7 @@ class Hazard:
         if years < _IMPOSSIBLE:
             raise ValueError(text)
         if rates[0] > 1.0 or rates[-1] > _FREQUENT:
-            wrong = f"the ground exceeds the levels {checks.shown(rates)} times a year"
+            wrong = f"the ground exceeds the levels {', '.join(map('{:g}'.format, rates))} times a year"
             warnings.warn(f"{wrong}: are the `rates` probabilities in many years?", stacklevel=3)
         elif years < _UNUSUAL:
             warnings.warn(text, stacklevel=3)
