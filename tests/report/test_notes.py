@@ -153,7 +153,7 @@ def test_significantly_more_overturning_at_a_nearby_frequency_is_a_danger():
     assert note.text == (
         "At 2.45 Hz the block OVERTURNS more often with the pendulum (share of the runs from rest between "
         "2.33 and 2.57 Hz that overturn: 0 % without the pendulum, 50 % with the pendulum). Linear "
-        "equations, same base amplitude."
+        "model, same base amplitude."
     )
 
 
