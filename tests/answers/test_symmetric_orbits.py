@@ -21,7 +21,7 @@ from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, ex
 from tpd import status_name
 from tpd.core import batch
 
-NUMBERS = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "slopes")
+NUMBERS = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "remaining", "slopes")
 F, XI = NAMES.index("f"), NAMES.index("xi")
 
 
@@ -68,15 +68,15 @@ def test_a_stable_orbit_is_the_steady_state_from_its_state():
 
 
 def by_differences(x, amplitude, share):
-    """d(amplitude, swing, state, phase, crossing, two margins)/d(parameters) of the orbit nearest in
-    amplitude, shape (10, 8)."""
+    """d(amplitude, swing, state, phase, crossing, two margins, remaining)/d(parameters) of the orbit nearest
+    in amplitude, shape (11, 8), by Richardson differences with steps of `share` of each parameter."""
     asked = []
     for i in range(8):
         differences(lambda y: asked.append(y) or 0.0, x, i, share=share)
     o = solve(asked)
     row, nearest = np.arange(len(asked)), np.nanargmin(np.abs(o.amplitude - amplitude), axis=1)
     numbers = (o.amplitude, o.swing, *np.moveaxis(o.state, -1, 0), o.phase, o.crossing, o.fold, o.symmetry)
-    values = iter(np.stack(numbers, axis=-1)[row, nearest])
+    values = iter(np.stack((*numbers, o.remaining), axis=-1)[row, nearest])
     return np.stack([differences(lambda y: next(values), x, i, share=share) for i in range(8)], axis=-1)
 
 
@@ -89,13 +89,17 @@ def test_derivatives_of_orbits_equal_finite_differences(kind):
         if abs(o.fold) > 0.3 and o.sticking > 0.05 and o.grazing > 0.02 and x[3] > 0.02 and x[1] > 0.02
     ][:4]
     assert len(safe) >= 3
-    errors = []
+    errors, finer = [], []
     for x, o in safe:
-        expected = by_differences(x, o.amplitude, 0.004)
-        errors.append(np.abs(o.slopes - expected).max(axis=1) / np.abs(expected).max(axis=1))
-    sizes, swings, states = np.array(errors)[:, 0], np.array(errors)[:, 1], np.array(errors)[:, 2:]
+        for share, found in ((0.004, errors), (0.002, finer)):
+            expected = by_differences(x, o.amplitude, share)
+            found.append(np.abs(o.slopes - expected).max(axis=1) / np.abs(expected).max(axis=1))
+    sizes, swings, states = np.array(errors)[:, 0], np.array(errors)[:, 1], np.array(errors)[:, 2:-1]
     assert np.max(sizes) < 1e-6
     assert np.max(states) < 1e-5
+    # The factor contains sixteenth powers of the half map, so that it needs smaller steps.
+    assert np.max(np.array(errors)[:, -1]) < 1e-4
+    assert np.max(np.array(finer)[:, -1]) < 5e-6
     # One may have another peak of the bob taking over within the steps.
     assert np.sort(swings)[-2] < 1e-5
 

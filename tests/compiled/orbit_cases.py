@@ -20,12 +20,12 @@ BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""
 ROWS = [row for row in load("harmonic") if row["what"] == "orbits"]
 """All orbits of scenes, by a scan and 50 digits."""
-_SIZES = "status amplitude swing state phase crossing multipliers fold symmetry sticking grazing"
+_SIZES = "status amplitude swing state phase crossing multipliers fold symmetry remaining sticking grazing"
 
 
 class Answers(namedtuple("Answers", f"{_SIZES} slopes overflow")):
     """NumPy arrays with leading axes (scenes, orbits). Statuses are names; `slopes` are d(amplitude, stroke,
-    state, phase, crossing, fold, symmetry)/d(parameters), shape (scenes, orbits, 10, 8)."""
+    state, phase, crossing, fold, symmetry, remaining)/d(parameters), shape (scenes, orbits, 11, 8)."""
 
     @property
     def exists(self) -> np.ndarray:
@@ -37,7 +37,7 @@ def _solve(x: jax.Array) -> tuple:
     def sizes(x: jax.Array) -> tuple:
         o = symmetric_orbits(parameters(x))
         m, many = o.margins, o.multipliers
-        numbers = (o.amplitude, o.swing, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry)
+        numbers = (o.amplitude, o.swing, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry, o.remaining)
         unknown = (m.sticking, m.grazing, *many.real.T, *many.imag.T)
         return (jnp.stack(numbers, axis=1), jnp.stack(unknown, axis=1)), o
 
@@ -58,7 +58,8 @@ def solve(xs: Any) -> Answers:
     assert np.all(np.isnan(unknown))
     m = o.margins
     sizes = (o.amplitude, o.swing, o.state, o.phase, o.crossing, o.multipliers)
-    return Answers(names_of(o.status), *sizes, m.fold, m.symmetry, m.sticking, m.grazing, slopes, o.overflow)
+    sizes = (*sizes, m.fold, m.symmetry, o.remaining, m.sticking, m.grazing)
+    return Answers(names_of(o.status), *sizes, slopes, o.overflow)
 
 
 def among(x: tuple, name: str, values: np.ndarray) -> Answers:

@@ -9,7 +9,7 @@ from tests.compiled.orbit_cases import BATCH, solve
 from tests.reference import differences, parameters
 from tpd import Parameters, simulate, status_name, steady_state
 from tpd.compiled import orbits as engine
-from tpd.compiled.columns import ORBIT_STATUSES
+from tpd.compiled.columns import ORBIT_STATUSES, WIDTH
 from tpd.compiled.rows import row_of
 from tpd.compiled.symmetric_orbit_kernel import _status
 
@@ -36,7 +36,7 @@ def test_only_an_orbit_that_is_neither_near_a_fold_nor_grazes_has_derivatives(st
     orbits = engine.solve_orbits(x)
     assert ORBIT_STATUSES[int(orbits[0, 0]["status"])] == "rocking"
     orbits["status"] = ORBIT_STATUSES.index(status)
-    slopes = engine.orbit_slopes(x, orbits, np.eye(9)[None], (0, 3))[0, 0, :, 0]
+    slopes = engine.orbit_slopes(x, orbits, np.eye(WIDTH)[None], (0, 3))[0, 0, :, 0]
     assert np.all(np.isfinite(slopes) == (status in ("rocking", "unstable", "neutral")))
 
 

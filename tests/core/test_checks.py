@@ -205,7 +205,7 @@ CALLS = {
     'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
     "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",
     "optimise(scene, method=Descent(model=Piecewise))": "`model` must be Smoothed() with linear ",
-    "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, rmsprop, but",
+    "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of newton, adam, but",
     "Piecewise(max_periods=0)": "`max_periods` must be a whole number, 1 or more, but is 0",
     # Once raw, or accepted.
     "made(Block, width=np.array([]))": "`width` must be positive and finite, but is []",

@@ -8,7 +8,8 @@ import pytest
 import tpd
 from tpd.compiled import orbits
 from tpd.compiled.rows import row_of
-from tpd.models.half_period import half_period, newton
+from tpd.design.orbits import SMOOTHED
+from tpd.models.half_period import half_period, newton, remaining
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import FACTORS, under
 from tpd.scene.parameters import Parameters, as_arrays
@@ -107,3 +108,58 @@ def test_an_unsolvable_orbit_does_not_affect_other_orbits():
     step = newton(np.stack([turn] * 3), half)
     assert list(step.solved) == [True, False, False]
     np.testing.assert_array_equal(step.slope[0], stepped(p, design, turn).slope)
+
+
+def left(p, design, model):
+    """What remains of a disturbance of the smoothed orbit, with its derivatives."""
+    turn = turn_of(p, design)
+    half, rest = (jax.jit(of(model)) for of in (half_period, remaining))
+    for _ in range(3):
+        at = jax.tree.map(lambda x: np.asarray(x)[None], half((p, design, ONE, turn)))
+        step = newton(np.asarray(turn)[None], at)
+        turn = jnp.asarray(step.turn[0])
+    assert step.residual[0] < 1e-6
+    return rest((p, design, ONE, turn, jnp.asarray(step.slope[0])))
+
+
+def exact_left(p, design):
+    """The same of the exact orbit."""
+
+    def factor(x):
+        return tpd.symmetric_orbits(under(p, x, ONE)).remaining[0]
+
+    return factor(design), jax.jit(jax.jacfwd(factor))(design)
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda x: f"e={x[-1]:g} k={x[4]:g}")
+def test_the_factor_of_settling_has_the_derivatives_of_the_exact_orbit(scene):
+    """At the model of the search the width of the smoothing costs less than 1 %."""
+    p, design = parameters(scene)
+    value, slope = exact_left(p, design)
+    found = left(p, design, SMOOTHED)
+    assert bool(found.done)
+    assert float(found.value) == pytest.approx(float(value), rel=1e-3)
+    assert np.max(np.abs(found.slope - slope)) < 0.01 * np.max(np.abs(slope))
+
+
+# With e = 0.95 the error of the factor is that of the solver.
+@pytest.mark.parametrize("scene", SCENES[[0, 2, 3]], ids=lambda x: f"e={x[-1]:g} k={x[4]:g}")
+def test_the_smoothed_factor_tends_to_the_exact_one_to_first_order_in_the_width(scene):
+    p, design = parameters(scene)
+    value, slope = exact_left(p, design)
+    found = [left(p, design, Smoothed(rtol=1e-9, sharpness=width)) for width in (1e-2, 5e-3, 2.5e-3)]
+    errors = np.array([[abs(x.value - value), np.max(np.abs(x.slope - slope))] for x in found])
+    # The solver adds an error of 1e-4 to the derivatives at the smallest width.
+    np.testing.assert_allclose(np.log(errors[0] / errors[-1]) / np.log(4.0), 1.0, atol=0.35)
+
+
+def test_the_derivatives_of_the_smoothed_factor_equal_its_differences():
+    """Central differences with steps of 1 %: their error is 1e-4, and the noise of the solver 1e-5 of the
+    largest slope."""
+    p, design = parameters(SCENES[1])
+    model = Smoothed(rtol=1e-10, sharpness=SMOOTHED.sharpness)
+    slope = np.asarray(left(p, design, model).slope)
+    for i in range(3):
+        step = 0.01 * design[i] * np.eye(3)[i]
+        up, down = (float(left(p, design + sign * step, model).value) for sign in (1.0, -1.0))
+        assert slope[i] == pytest.approx((up - down) / (2.0 * step[i]), abs=3e-4 * np.max(np.abs(slope)))

@@ -64,9 +64,9 @@ class Orbits(eqx.Module):
     """Symmetric period-one orbits of one design, the largest first. Angles are in rad.
 
     The leading axis has the length `ORBITS` (3). Where fewer orbits exist, the status is `no_orbit` and the
-    numbers are NaN. `amplitude`, `swing`, `state`, `phase` and `crossing` are differentiable in every
-    parameter, also for unstable orbits. Their derivatives are NaN if the status is near_fold, grazing or
-    no_orbit. The derivative of `multipliers` is always NaN.
+    numbers are NaN. `amplitude`, `swing`, `state`, `phase`, `crossing` and `remaining` are differentiable in
+    every parameter, also for unstable orbits. Their derivatives are NaN if the status is near_fold, grazing
+    or no_orbit. The derivative of `multipliers` is always NaN.
 
     Attributes:
         status: outcome of each orbit.
@@ -76,6 +76,7 @@ class Orbits(eqx.Module):
         phase: phase xi tau of the forcing at the upper turn, rad.
         crossing: dimensionless time from the upper turn to the crossing of phi = 0.
         multipliers: Floquet multipliers over one forcing period.
+        remaining: factor per forcing period by which a small disturbance of the block falls.
         margins: distances from the loss of the orbit.
         overflow: whether the design may have more orbits.
     """
@@ -94,6 +95,8 @@ class Orbits(eqx.Module):
     """Dimensionless time from the upper turn to the crossing of phi = 0."""
     multipliers: Complex[Array | np.ndarray, "*orbits 4"]
     """Floquet multipliers over one forcing period. The orbit attracts if all moduli are below 1."""
+    remaining: Float[Array | np.ndarray, "*orbits"]
+    """Factor per forcing period by which a small disturbance of the block falls, see `limits.Settling`."""
     margins: Margins
     """Distances from the loss of the orbit."""
     overflow: Bool[Array | np.ndarray, "..."] | np.bool_

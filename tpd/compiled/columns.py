@@ -66,15 +66,16 @@ TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
 `tpd.compiled.symmetric_orbit_kernel.vanishing`."""
 SIZES = {
     **{"amplitude": 0, "phase": 1, "crossing": 2, "swing": 3, "fold": 4, "symmetry": 5, "torus": 6},
-    "state": slice(7, 11),
+    **{"remaining": 7, "state": slice(8, 12)},
 }
 """Indices of the sizes of a symmetric orbit, all of which have derivatives."""
 ASKED = {
     **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("swing",)},
-    **{(4, 7): ("fold", "symmetry", "torus"), (7, 11): ("state",)},
+    **{(4, 8): ("fold", "symmetry", "torus", "remaining"), (8, 12): ("state",)},
 }
 """Ranges of these indices that are computed together, with the names of the sizes. The groups belong to the
-solution, to its path, to the map along the path, and to the state at tau = 0."""
+solution, to its path, to the map along the path (three margins and what remains of a disturbance), and to
+the state at tau = 0."""
 
 NEAR_FOLD = 1e-6
 """Smallest distance of a multiplier from 1 at which an orbit has derivatives, over half a period. Over a

@@ -113,6 +113,42 @@ def determinants(c):
 
 
 @compiled
+def _store_square(a, out):
+    """Write the square of a 4 x 4 matrix into `out`."""
+    for i in range(4):
+        for j in range(4):
+            total = 0.0 * a[i, j]
+            for k in range(4):
+                total += a[i, k] * a[k, j]
+            out[i, j] = total
+
+
+@compiled
+def remaining(g, xi, power):
+    """Return the factor per forcing period by which a disturbance of the block falls, from the half map `g`.
+
+    Let D_n be the derivative of the map over n forcing periods, in the rows and columns of the block, with
+    rates over xi. The result is the geometric mean of |D_2|^(1/2) and |D_4|^(1/4) (Frobenius norms). Powers
+    of a matrix are smooth functions, and a sum of squares of complex entries has no conjugates, so that
+    complex steps give derivatives.
+    """
+    # G^2 is the map over a period. Three more squarings give the maps over two and four periods.
+    odd, even = power
+    _store_square(g, odd)
+    _store_square(odd, even)
+    two = _of_block(even, xi)
+    _store_square(even, odd)
+    return two**0.125 * _of_block(odd, xi) ** 0.0625
+
+
+@compiled
+def _of_block(d, xi):
+    """Return the mean square factor of a disturbance of the block of any direction, with rates over xi."""
+    a, b, c = d[TILT, TILT], d[TILT, TILT_RATE] * xi, d[TILT_RATE, TILT] / xi
+    return 0.5 * (a * a + b * b + c * c + d[TILT_RATE, TILT_RATE] * d[TILT_RATE, TILT_RATE])
+
+
+@compiled
 def store_roots(c, z):
     """Compute the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, and write them into `z`.
 

@@ -52,7 +52,14 @@ from tpd.compiled.events import (
     watch_block,
     watch_turns,
 )
-from tpd.compiled.half_map_kernel import characteristic, determinants, is_neutral, store_half_map, store_roots
+from tpd.compiled.half_map_kernel import (
+    characteristic,
+    determinants,
+    is_neutral,
+    remaining,
+    store_half_map,
+    store_roots,
+)
 from tpd.compiled.half_period_kernel import half, path_of, solution_at, state_after
 from tpd.compiled.motion import WORKSPACE
 from tpd.compiled.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, root_in, store_brackets
@@ -61,7 +68,7 @@ from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, pla
 ORBITS: Any = np.int64(3)
 """Largest number of orbits of a design."""
 _ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZING_STATUS, _NO_ORBIT = range(len(ORBIT_STATUSES))
-_AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _STATE = places(8)
+_AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _REMAINING, _STATE = places(9)
 NUMBERS: Any = np.int64(SIZES["state"].stop)
 """Number of sizes with derivatives."""
 VANISHING = np.int64(FLAT + 1)
@@ -98,6 +105,8 @@ WORK = np.dtype(
         ("workspace", WORKSPACE),
         ("map", np.float64, (4, 4)),
         ("complex_map", np.complex128, (4, 4)),
+        ("power", np.float64, (2, 4, 4)),
+        ("complex_power", np.complex128, (2, 4, 4)),
         ("sizes", np.complex128, (int(NUMBERS),)),
         ("vanishing", np.complex128, (int(VANISHING),)),
         ("x", np.complex128, (WIDTH,)),
@@ -221,16 +230,18 @@ def _store_state(q, m, t, gamma, path, sizes):
 
 
 @compiled
-def _store_margins(q, m, t, path, matrix, sizes):
-    """Write the margins to a fold, to a loss of symmetry and to a torus bifurcation into the sizes.
+def _store_margins(q, m, t, path, matrix, power, sizes):
+    """Write the margins to a fold, to a loss of symmetry and to a torus bifurcation into the sizes, and what
+    remains of a disturbance.
 
-    These margins vanish at the bifurcations.
+    The margins vanish at the bifurcations. `power` is a workspace for powers of the matrix.
 
     Returns the coefficients of the characteristic polynomial of the half map.
     """
     store_half_map(q, m, t, path, matrix)
     c = characteristic(matrix)
     sizes[_FOLD], sizes[_SYMMETRY], sizes[_TORUS] = determinants(c)
+    sizes[_REMAINING] = remaining(matrix, q.xi, power)
     return c
 
 
@@ -266,7 +277,8 @@ def solve(x, work, orbits):
             continue
         # A new orbit: compute its state, margins and multipliers.
         _store_state(q, m, t, gamma, path, new.sizes)
-        store_roots(_store_margins(q, m, t, path, work.map, new.sizes), new.multipliers)
+        c = _store_margins(q, m, t, path, work.map, work.power, new.sizes)
+        store_roots(c, new.multipliers)
         largest, nearest = 0.0, math.inf
         for j in range(4):
             z = new.multipliers[j]
@@ -324,7 +336,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
                     swing = value_of(arc.bob, instant(arc, time), time)
                     sizes[_STROKE] = swing if swing.real >= 0.0 else -swing
                 if first <= _FOLD < last:
-                    _store_margins(q, m, t, path, work.complex_map, sizes)
+                    _store_margins(q, m, t, path, work.complex_map, work.complex_power, sizes)
                 if last > _STATE:
                     _store_state(q, m, t, gamma, path, sizes)
             for k in range(first, last):

@@ -34,7 +34,7 @@ from tpd.models.smoothed import Field, Smoothed
 from tpd.scene.conditions import under
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number
-from tpd.theory.equations import smoothed_rates
+from tpd.theory.equations import Linear, smoothed_rates
 
 _VALUE, _DESIGN, _PHASE = 0, slice(4, 7), 7
 """Layout of an array with tangents. Row `_VALUE` of the array is the value. Among the eight directions of the
@@ -130,10 +130,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             1e-3 * q.period,
             jnp.concatenate([start[None], jnp.eye(8, 4)]),
             saveat=diffrax.SaveAt(ts=times),
-            # Only the error of the state controls the step size. Tangents therefore do not change the steps.
-            stepsize_controller=diffrax.PIDController(
-                rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[_VALUE] ** 2))
-            ),
+            stepsize_controller=_controller(model, _VALUE),
             adjoint=diffrax.ForwardMode(),
             max_steps=_STEPS,
             throw=False,
@@ -153,6 +150,120 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         )
 
     return run
+
+
+class Remaining(NamedTuple):
+    """Factor by which a disturbance of the block falls, with its derivatives along three directions."""
+
+    value: Array
+    """Factor per forcing period, see `tpd.limits.Settling`."""
+    slope: Array
+    """Derivatives of the factor with respect to the design (mu, lam, zeta), shape (3,)."""
+    done: Array
+    """Whether the solver stayed within its limit on the number of steps."""
+
+
+@lru_cache(maxsize=8)
+def remaining(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Array, Array]], Remaining]:
+    """Return a function that follows disturbances of one orbit over half a period, as a pure JAX function.
+
+    Its argument is a tuple: the parameters without the pendulum, the design (3,), the factors of the
+    condition (8,), the turn u (4,), and the derivatives of the turn with respect to the design (4, 3).
+
+    The four variational equations give the derivative G of the half-period map. They are differentiated once
+    more, along the change of the orbit with the design.
+    """
+
+    def run(args: tuple[Parameters, Array, Array, Array, Array]) -> Remaining:
+        p, design, factors, turn, turn_slope = args
+
+        def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
+            q = as_arrays(under(p, x, factors))
+            return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
+
+        # The turn moves along the branch of orbits as the design changes. Without it the derivative would be
+        # that of a motion that is no orbit.
+        at, along = (design, turn[TILT_RATE]), (jnp.eye(3), turn_slope[TILT_RATE])
+        motion, motion_tangents = _with_tangents(motion_at, at, along)
+
+        def rates(time: Any, z: Any, args: Any) -> Array:
+            """Return the rates of the state and four disturbances (5, 4), and of their derivatives along
+            three directions, shape (4, 5, 4)."""
+
+            def rate(motion: tuple[Field, Array], y: Array) -> Array:
+                field, begin = motion
+
+                def of(state: Array) -> Array:
+                    return field(begin + time, state, args)
+
+                value, moved = _with_tangents(of, (y[_VALUE],), (y[1:],))
+                return jnp.concatenate([value[None], moved])
+
+            value, slopes = _with_tangents(rate, (motion, z[_VALUE]), (motion_tangents, z[1:]))
+            return jnp.concatenate([value[None], slopes])
+
+        q = as_arrays(under(p, design, factors))
+        start = jnp.stack([turn[TILT], turn[SWING], jnp.zeros_like(turn[TILT]), turn[SWING_RATE]])
+        # Four disturbances in the directions of the state give the matrix of the half-period map.
+        # The third component of u is the phase, and phi' is zero at the turn of every design.
+        first = jnp.concatenate([start[None], jnp.eye(4)])
+        moved = jnp.zeros((3, 5, 4)).at[:, _VALUE].set(turn_slope.at[TILT_RATE].set(0.0).T)
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(rates),
+            model.solver,
+            0.0 * q.period,
+            0.5 * q.period,
+            1e-3 * q.period,
+            jnp.concatenate([first[None], moved]),
+            stepsize_controller=_controller(model, (_VALUE, _VALUE)),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=_STEPS,
+            throw=False,
+        )
+        (end,) = solution.ys  # type: ignore[misc]
+
+        def after_turn(x: Array, u: Array) -> tuple[Array, Number]:
+            q = as_arrays(under(p, x, factors))
+            return _after_turn(q, u), q.xi
+
+        turned, turned_moved = _with_tangents(after_turn, (design, turn), (jnp.eye(3), turn_slope.T))
+        value, slope = _with_tangents(_factor, (end[_VALUE, 1:], *turned), (end[1:, 1:], *turned_moved))
+        return Remaining(value, slope, solution.result == diffrax.RESULTS.successful)
+
+    return run
+
+
+def _after_turn(q: Parameters, turn: Float[Array, "4"]) -> Float[Array, "4 4"]:
+    """Return the matrix that carries a disturbance past the turn.
+
+    At the turn a smoothed orbit is in the middle of the layer in which friction changes its sign, and an
+    exact orbit is beyond the layer. Within the layer only the rates change, and a neighbour that is early by
+    a time is early by the same time beyond it.
+    """
+    linear, none = Linear(q), jnp.zeros_like(turn[TILT])
+    state = jnp.stack([turn[TILT], turn[SWING], none, turn[SWING_RATE]])
+    within, beyond = (linear.rates(state, 1.0, drag, jnp.sin(turn[TILT_RATE])) for drag in (0.0, -1.0))
+    return jnp.eye(4) + jnp.outer((beyond - within) / within[TILT_RATE], jnp.eye(4)[TILT_RATE])
+
+
+def _factor(tangents: Float[Array, "4 4"], after_turn: Float[Array, "4 4"], xi: Number) -> Number:
+    """Return the factor of `tpd.limits.Settling` from the disturbances after half a period, one in each row,
+    from the matrix that carries them past the turn, and from the forcing frequency."""
+    half = after_turn @ -tangents.T @ jnp.linalg.inv(after_turn)
+    two = jnp.linalg.matrix_power(half, 4)
+    scale = jnp.stack([jnp.ones_like(xi), xi])
+    relative = scale[None] / scale[:, None]
+    block = np.ix_([TILT, TILT_RATE], [TILT, TILT_RATE])
+    after_two, after_four = (0.5 * jnp.sum((power[block] * relative) ** 2) for power in (two, two @ two))
+    return after_two**0.125 * after_four**0.0625
+
+
+def _controller(model: Smoothed, state: Any) -> diffrax.PIDController:
+    """Return a control of the step size by the error of the state alone, at its place in the array. The
+    tangents do not change the steps."""
+    return diffrax.PIDController(
+        rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[state] ** 2))
+    )
 
 
 def _with_tangents(function: Callable[..., Any], at: Any, directions: Any) -> tuple[Any, Any]:
