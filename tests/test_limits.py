@@ -72,7 +72,8 @@ def evaluation(design: np.ndarray) -> Evaluation:
     one = np.ones((1, 2))
     parts = (x[None] for x in (tilt, tilt_slope, tilt, tilt_slope, swing, swing_slope))
     none = np.zeros((1, 2), int), np.full((1, 2, 2), np.nan)
-    last = -one, 0.5 * one, reserve[None], reserve_slope[None], *none, design[None]
+    left = 0.5 + 0.3 * tilt[None], 0.3 * tilt_slope[None]
+    last = -one, 0.5 * one, reserve[None], reserve_slope[None], *left, *none, design[None]
     return Evaluation(*parts, *last)
 
 

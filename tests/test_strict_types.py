@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.test_search import LIMITED as PROBLEM
-from tests.design.test_search import descended
+from tests.design.minimax import LIMITED, STARTS, WORST
+from tpd.design.orbits import SMOOTHED
+from tpd.design.search import descend
+from tpd.models.half_period import half_period, remaining
+from tpd.scene.conditions import FACTORS
+from tpd.scene.parameters import as_arrays
 
 P = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=4.0)
 BLOCK = tpd.Block(width=1.0, height=5.0, mass=9000.0)
@@ -17,6 +21,13 @@ PULSE = tpd.Pulse.one_sine(acceleration=4.0, frequency=1.0)
 
 def tilt_of(block):
     return tpd.transient(tpd.Scene(block, PULSE)).tilt
+
+
+def descended(optimiser):
+    return descend(optimiser, LIMITED, STARTS, LIMITED(STARTS), 1.0, WORST, steps=2)
+
+
+ORBIT = as_arrays(P), np.array([0.05, 0.5, 0.1]), np.ones(len(FACTORS)), np.array([0.05, 0.1, 0.3, 0.1])
 
 
 def trace(function, *inputs):
@@ -36,7 +47,9 @@ CALLS = {
     "fold of the balance": lambda: trace(tpd.theory.fold, P),
     "parametric balance": lambda: trace(tpd.theory.parametric_branches, P),
     "neglected harmonics": lambda: trace(tpd.theory.neglected_harmonics, P),
-    "descent": lambda: descended(PROBLEM, tpd.Descent(steps=2)),
+    "descent": lambda: [descended(optimiser) for optimiser in ("newton", "adam")],
+    "half period": lambda: trace(half_period(SMOOTHED), ORBIT),
+    "disturbances": lambda: trace(remaining(SMOOTHED), (*ORBIT, np.ones((4, 3)))),
 }
 
 

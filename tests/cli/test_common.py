@@ -113,7 +113,7 @@ optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle 
 optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (it is a moment over
 optimise --amplitude 0 | [excitation] `amplitude` must be above 0 in a search, but is 0: the base does not
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
-optimise --exactly --risk cvar | `search.risk` requires several conditions, [conditions] or [scatter], whi
+optimise --exactly --risk worst | `search.risk` requires several conditions, [conditions] or [scatter], whi
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary by a share of itsel
 optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number below
 job block.widht = 1.0 | there is no key `widht` in [block]; did you mean `width`?
@@ -128,7 +128,6 @@ job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
 job conditions.amplitudes = [] | [conditions] `amplitudes` must contain at least one number, but is em
-job search.risk_share = 0.2 | `search.risk_share` requires `search.risk` cvar, which this job does not have
 job search.risk = 'cvar'; search.risk_share = 0 | [search] `risk_share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
 job ensemble.growth = [-1.0] | [ensemble] `growth` must be zero or positive, and finite, but is -1
@@ -267,7 +266,7 @@ def no_search(monkeypatch, tmp_path):
     def run(*_: object) -> None:
         raise AssertionError("the input was not rejected: a search has begun")
 
-    monkeypatch.setattr("tpd.design.optimise.refine", run)
+    monkeypatch.setattr("tpd.design.optimise.first_guess", run)
     monkeypatch.chdir(tmp_path)
 
 

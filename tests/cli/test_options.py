@@ -1,5 +1,6 @@
 """Options and job files are equivalent: every option sets a key of the schema, and the jobs are equal."""
 
+import shlex
 import tomllib
 
 import pytest
@@ -38,10 +39,10 @@ requirements={at_least=0.2, wall_contacts=0.05, reduce='tilt'}
 --at-least 0.2 --wall-contacts 0.05 --reduce tilt
 search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1
-search={optimiser='rmsprop'}; conditions.band=[2, 3]
---optimiser rmsprop --band 2 3
-search={optimiser='rmsprop', steps=4, pareto=true}
---optimiser rmsprop --steps 4 --pareto
+search={optimiser='adam', objective='steady tilt'}; conditions.band=[2, 3]
+--optimiser adam --objective 'steady tilt' --band 2 3
+search={optimiser='adam', steps=4, pareto=true}
+--optimiser adam --steps 4 --pareto
 excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
 excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
@@ -69,7 +70,7 @@ SAME = list(zip(LINES[::2], LINES[1::2], strict=True))
 
 def job_of(options: str, command: str = "optimise") -> jobs.Job:
     """Return the job of a command."""
-    return common.read_case(parser().parse_args([command, *options.split()])).job
+    return common.read_case(parser().parse_args([command, *shlex.split(options)])).job
 
 
 @pytest.mark.parametrize(("file", "options"), SAME)

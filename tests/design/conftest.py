@@ -17,7 +17,9 @@ ORBIT_LIMITS = (tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))
 @pytest.fixture(scope="session")
 def search():
     """Search over the orbits under a band of frequencies; not validated."""
-    problem = HarmonicProblem.of(SCENE, WIDE, conditions=BAND, limits=ORBIT_LIMITS, method=FEW_STEPS)
+    given = {"conditions": BAND, "limits": ORBIT_LIMITS, "method": FEW_STEPS}
+    given |= {"objective": tpd.limits.SteadyTilt(), "risk": tpd.Risk.worst()}
+    problem = HarmonicProblem.of(SCENE, WIDE, **given)
     return problem.orbits, search_designs(problem.orbits, FEW_STEPS, 0)
 
 

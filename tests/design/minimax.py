@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import tpd
-from tpd.design.orbits import Linearisation
+from tpd.design.newton import Linearisation
 
 
 def linearisations(functions: Sequence[Callable], limits: Sequence[Callable] = ()) -> Callable:

@@ -8,7 +8,8 @@ import pytest
 import tpd
 from tests import designs
 from tests.design.conftest import SCENE
-from tpd.design.assess import Alternatives, alternatives, problem_alone
+from tpd.design.alternatives import Alternatives, alternatives
+from tpd.design.assess import problem_alone
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
 from tpd.records.intensity import spectral_acceleration

@@ -49,7 +49,7 @@ def test_the_best_rejected_design_has_the_smallest_violation(rejected):
     early = dataclasses.replace(rejected.validated[0], decided=None, quoted=None, reasons=())
     wall = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=1.0, reference=0.01)
     far = dataclasses.replace(rejected.validated[0], reasons=(wall,))
-    near = rejected.validated[1]
+    near = dataclasses.replace(rejected.validated[0])
     shown = dataclasses.replace(rejected, validated=(early, far, near))
     assert shown.best is near
     assert dataclasses.replace(rejected, validated=(far, early)).is_harmful

@@ -10,9 +10,11 @@ import tpd
 from tests.designs import BLOCK, GROUND, noise, records
 from tpd.answers.fragility import fit_lognormal
 from tpd.core.progress import unreported
+from tpd.design import ground_motion as module
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus, ReasonKind, reduced
+from tpd.design.refine import Refinement
 from tpd.design.validate import validate
 from tpd.scene.ground_motion import earthquakes_of, events_of
 from tpd.scene.hazard import HOW_TO
@@ -92,16 +94,28 @@ def test_the_conditions_of_a_problem_contain_the_search_records_only():
     assert made.conditions.motions == tuned.motions
     assert made.scene.excitation is tuned.motions[0]
     assert (made.attempts, made.has_validation_runs, made.allowed) == (2, False, 0.1)
-    assert made.further == 32
     again = GroundMotionProblem.of(
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
     )
     assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
     assert again.inputs["validation_share"] == {"validation records": held.motions}
     assert problem(validation_share=0.0).inputs["validation_share"] == 0.0
-    one, two = (problem(seed=seed).candidates(unreported)[0] for seed in (0, 1))
-    assert one.shape == (32, 3)
+
+
+def test_the_first_trials_are_the_first_guess_and_designs_all_over_the_space(monkeypatch):
+    asked = []
+
+    def refine(problem, designs, further, progress):
+        asked.append((designs, further))
+        return Refinement(problem, progress, 0)
+
+    monkeypatch.setattr(module, "refine", refine)
+    for seed, guess in ((0, None), (1, None), (0, DESIGN)):
+        problem(RECORDS[:4], seed=seed).improver(guess, unreported)
+    (one, further), (two, _), (three, _) = asked
+    assert (one.shape, further) == ((32, 3), 32)
     assert not np.array_equal(one, two)
+    np.testing.assert_array_equal(three, [DESIGN, *one])
 
 
 def test_trial_runs_equal_single_transients():

@@ -28,8 +28,8 @@ def test_default_conditions_surround_the_excitation_and_default_limits_are_compl
     around = tpd.Conditions.around(SCENE)
     np.testing.assert_array_equal(made.conditions.factor_rows(), around.factor_rows())
     assert isinstance(made.model, tpd.Smoothed)
-    assert made.starts.kind is StartKind.any
-    assert (made.limits, made.risk, made.space) == (DEFAULT_LIMITS, tpd.Risk.worst(), tpd.DesignSpace())
+    assert (made.starts.kind, made.objective) == (StartKind.any, tpd.limits.Settling())
+    assert (made.limits, made.risk, made.space) == (DEFAULT_LIMITS, tpd.Risk.cvar(), tpd.DesignSpace())
     assert (made.ensemble.size, made.ensemble.seed) == (VALIDATION_RUNS, 0)
     assert problem(seed=4).ensemble.seed == 4
     assert problem(seed=4, ensemble=tpd.Ensemble(seed=2)).ensemble.seed == 2
@@ -81,7 +81,7 @@ def test_settled_tilts_of_a_problem_equal_the_steady_state():
         assert found.settled_tilt[i] == pytest.approx(float(s.amplitude), rel=1e-12, abs=1e-9)
         assert found.settled_swing[i] == pytest.approx(float(s.swing), rel=1e-7)
     assert np.all(found.tilt >= 0.999 * found.settled_tilt)
-    assert found.value == pytest.approx(found.orbits.tilt.max())
+    assert found.value == pytest.approx(made.risk.of(found.orbits.remaining[0]))
     hard = problem(conditions=tpd.Conditions.amplitudes(1.0, 5.0), **POINT).without_pendulum
     assert hard.status.tolist() == ["rocking", "overturned"]
     assert hard.settled_tilt[0] == pytest.approx(0.0833335, abs=1e-4)
@@ -114,16 +114,19 @@ def test_sizes_without_runs_are_ratios_of_orbit_and_bob_to_their_limits():
     assert set(made.sizes_in_runs(DESIGN, runs)) == {"clearance", "thickness", "depth"}
 
 
-def test_candidates_contain_descent_results_and_samples_of_the_whole_space():
-    few = tpd.Descent(searches=2, screening=16, steps=2, finish=1, model=tpd.Piecewise())
+def test_descents_use_a_part_of_many_conditions_and_the_runs_use_all():
+    few = tpd.Descent(searches=2, screening=16, steps=2, corrections=0, polish=2, model=tpd.Piecewise())
     conditions = tpd.Conditions.scatter(66, 0, friction=0.1)
     made = problem(space=WIDE, conditions=conditions, method=few, **POINT)
-    designs, found = made.candidates(unreported)
-    assert found.description.endswith(" under 64 of the 66 conditions")
-    np.testing.assert_array_equal(designs[: len(found.confirmed)], found.confirmed)
-    assert len(designs) == len(found.confirmed) + 40
+    found = made.improver(DESIGN, unreported)
+    assert found.search.description.endswith(" under 64 of the 66 conditions")
+    assert (len(found.searched.conditions), len(found.orbits.conditions)) == (64, 66)
+    # A descent starts from the first guess, and trial runs show its angles as well.
+    np.testing.assert_array_equal(found.search.screened[0], DESIGN)
+    np.testing.assert_allclose(found.search.paths[0][0], DESIGN, rtol=1e-12)
+    np.testing.assert_array_equal(found.designs[0], DESIGN)
     low, high = WIDE.bounds
-    assert np.all((designs >= low - 1e-12) & (designs <= high + 1e-12))
+    assert np.all((found.designs >= low - 1e-12) & (found.designs <= high + 1e-12))
 
 
 def test_trial_runs_use_the_linear_equations_and_their_seed():

@@ -46,8 +46,8 @@ JOBS = {
         "search": {"seed": 3, "risk": "cvar", "risk_share": 0.2},
     },
     "starts": {**BAND, "starts": {"kind": "rest"}},
-    "descent": {**BAND, "search": {"optimiser": "rmsprop", "tolerance": 0.05}},
-    "few searches": {"search": {"searches": 2, "screening": 3, "steps": 4, "finish": 0}},
+    "descent": {**BAND, "search": {"optimiser": "adam", "polish": 5, "objective": "steady tilt"}},
+    "few searches": {"search": {"searches": 2, "screening": 3, "steps": 4, "corrections": 0}},
     "models": {"search": {"model": "piecewise"}},
     "exactly": EXACTLY,
     "bob": {
@@ -101,9 +101,11 @@ def test_an_empty_job_file_describes_the_block_of_the_paper():
     assert (job.starts, jobs.job_of(JOBS["starts"]).starts) == (Starts.any(), Starts.rest())
     assert job.limits == limits.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (8, 512, 20)
+    assert (job.method.searches, job.method.screening, job.method.steps) == (4, 256, 40)
+    assert (job.method.corrections, job.method.polish) == (4, 40)
+    assert job.objective == limits.Settling()
     assert (job.risk, job.ensemble, job.requirements) == (
-        tpd.Risk.worst(),
+        tpd.Risk.cvar(),
         Ensemble(size=2048, seed=0),
         Requirements(),
     )
@@ -131,7 +133,7 @@ def test_each_table_of_a_job_becomes_an_object():
 def test_a_job_accepts_defaults_without_effect_and_integers_for_floats():
     listed = {
         "conditions": {"frequencies": 20, "samples": 64},
-        "search": {"risk": "worst", "risk_share": 0.1},
+        "search": {"risk": "cvar", "risk_share": 0.5},
     }
     assert jobs.job_of(listed) == jobs.job_of({})
     motion = {"amplitude": 0.4, "frequency": 1}
@@ -149,8 +151,9 @@ def test_keys_without_effect_are_not_written():
     assert set(jobs.job_of(BAND).tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert tables["excitation"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
-    assert {"risk", "risk_share"} & set(jobs.job_of(BAND).tables["search"]) == {"risk"}
-    assert tables["search"]["optimiser"] == "adam"
+    worst = jobs.job_of({**BAND, "search": {"risk": "worst"}})
+    assert {"risk", "risk_share"} & set(worst.tables["search"]) == {"risk"}
+    assert (tables["search"]["optimiser"], tables["search"]["objective"]) == ("newton", "settling")
 
 
 @pytest.mark.parametrize(
@@ -175,7 +178,9 @@ def test_keys_that_an_option_replaces_are_dropped(given, over, dropped):
     with pytest.raises(
         ValueError, match=r"^`search.risk_share` requires `search.risk` cvar, which this job does"
     ):
-        jobs.job_of(*jobs.merge_tables({"search": {"risk_share": 0.2}}, {"search": {"seed": 1}}))
+        jobs.job_of(
+            *jobs.merge_tables({"search": {"risk": "worst", "risk_share": 0.2}}, {"search": {"seed": 1}})
+        )
 
 
 def test_a_ratio_of_energies_as_restitution_gets_a_question():

@@ -187,8 +187,8 @@ def test_a_rejected_design_has_its_reasons(rejected):
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
     required = "required: a reduction of at least 97.0 % and an interval that begins above 48.5 %"
     assert required in rejected.refusals[0]
-    seeds = [v.decided.with_pendulum.seed for v in rejected.validated]
-    assert len(set(seeds)) == len(seeds) > 1
+    # No other design has a smaller objective, so that none is validated after this reason.
+    assert len(rejected.validated) == 1
 
 
 def test_validation_earthquakes_are_not_among_the_search_earthquakes(ground):
@@ -340,7 +340,9 @@ def test_a_front_is_printed_as_a_table(harmonic, rejected, monkeypatch):
 
 def test_every_design_has_the_fixed_length(harmonic):
     space = tpd.DesignSpace(length=0.12, damping_ratio=(0.05, 0.4))
-    found = tpd.optimise(SCENE, space, **designs.SMALL)
+    # The two designs differ little in mass, and the lighter one must be significantly better as well.
+    settings = designs.SMALL | {"ensemble": tpd.Ensemble(size=256, periods=30)}
+    found = tpd.optimise(SCENE, space, **settings)
     assert found.pendulum.length == pytest.approx(0.12, rel=1e-15)
     assert np.all(found.trials.designs[:, 1] == 0.6)
     assert np.all(found.search.ends[:, 1] == 0.6)

@@ -201,3 +201,77 @@ def test_lost_orbits_are_solved_again_by_the_linear_model(walk, objective):
     np.testing.assert_allclose(again.tilt[rocks], exact.tilt[rocks], rtol=1e-4)
     others = (exact.kind == REST) | (exact.kind == NONE)
     np.testing.assert_array_equal(again.merit[others], exact.merit[others])
+
+
+@dataclasses.dataclass(frozen=True)
+class Remaining(tpd.limits.Limit):
+    """Limit of a user on what remains of a disturbance."""
+
+    name = "remaining"
+    of_motion = False
+
+    def size(self, motion, design, geometry):
+        return motion.remaining / 0.9
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"objective": tpd.limits.Settling()}, {"limits": (*tpd.limits.POINT_BOB, Remaining())}],
+    ids=["objective", "limit"],
+)
+def test_followed_orbits_have_the_factor_of_settling_of_exact_orbits(given):
+    o = orbits(**given)
+    follower = SmoothedOrbits(o, SMOOTHED, o.evaluate(DESIGNS))
+    for share in (1.0, 1.01, 1.01):
+        e = follower.evaluate(DESIGNS * [share, share, 1.0])
+    exact = o.evaluate(DESIGNS * [1.01, 1.01, 1.0])
+    rocks = follower.follows
+    assert rocks.sum() > 5
+    np.testing.assert_allclose(e.remaining[rocks], exact.remaining[rocks], rtol=1e-3)
+    steep = np.abs(exact.remaining_slope[rocks]).max(axis=-1, keepdims=True)
+    # The width of the default model costs 1 % of most slopes, and 2.3 % of one of them.
+    errors = np.abs(e.remaining_slope[rocks] - exact.remaining_slope[rocks]).max(axis=-1) / steep[:, 0]
+    assert np.median(errors) < 0.01
+    assert np.max(errors) < 0.03
+    assert not orbits().needs_remaining, "the built-in limits on orbits do not use it"
+
+
+def test_the_factor_of_settling_has_derivatives_and_is_best_at_rest():
+    o = orbits(limits=(), objective=tpd.limits.Settling())
+    at = o.at(UNIT)
+    np.testing.assert_array_equal(at.value, o.evaluate(GOOD).remaining)
+    for i in range(3):
+        # The error of central differences is of second order in the step.
+        up, down = (o.at(UNIT + s * 1e-5 * np.eye(3)[i]).value for s in (1, -1))
+        np.testing.assert_allclose(at.slope[..., i], (up - down) / 2e-5, rtol=1e-5, atol=1e-7)
+    calm = orbits(conditions=tpd.Conditions.amplitudes(0.1, 1.0), objective=tpd.limits.Settling())
+    e = calm.evaluate(GOOD)
+    assert e.merit[0, 0] == -e.margin[0, 0] < 0.0 < e.merit[0, 1] == e.remaining[0, 1]
+    assert e.remaining[0, 0] == 0.0
+
+
+def test_an_orbit_that_stops_attracting_becomes_worse_by_one():
+    """The ranges overlap under a strong excitation: of these designs attracting orbits have factors up to
+    2.2, and repelling ones have merits from 2.0. At a loss of stability the merit always jumps upwards."""
+    o = orbits(conditions=tpd.Conditions.amplitudes(1.0, 2.0, 3.0), objective=tpd.limits.Settling())
+    e = o.evaluate(WIDE.sample(np.random.default_rng(0), 512))
+    names = np.array(MOTION_KINDS)[e.kind]
+    assert {"rocking", "unstable"} <= set(names.ravel())
+    for kind, more in (("rocking", 0.0), ("unstable", 1.0)):
+        np.testing.assert_array_equal(e.merit[names == kind], e.remaining[names == kind] + more)
+    assert np.quantile(e.merit[names == "rocking"], 0.95) < np.quantile(e.merit[names == "unstable"], 0.05)
+    assert np.all(e.merit[names == "no_orbit"] > 2.0)
+
+
+def test_a_required_uplift_margin_is_a_limit_with_exact_slopes():
+    o = orbits(limits=())
+    designs = np.array([[0.05, 0.4, 0.1], [0.1, 0.8, 0.3]])
+    least = np.full(len(o.conditions), -np.inf)
+    least[0] = 0.1
+    value, slope = dataclasses.replace(o, least_margins=least).constraints(o.evaluate(designs))
+    np.testing.assert_allclose(value[:, 0], 0.1 - o.margins(designs)[:, 0])
+    assert np.all(value[:, 1:] < 0.0), "minus infinity is no limit"
+    for i in range(3):
+        step = 1e-6 * np.eye(3)[i]
+        quotient = (o.margins(designs + step) - o.margins(designs - step)) / 2e-6
+        np.testing.assert_allclose(-slope[..., i], quotient, rtol=1e-5, atol=1e-7)

@@ -93,7 +93,8 @@ CASES = {
         "method": tpd.Descent(searches=3, steps=5, model="piecewise"),
         "starts": tpd.Starts.rest(),
     },
-    "exact orbits": {"method": tpd.Descent("rmsprop", model="piecewise", tolerance=0.02)},
+    "exact orbits": {"method": tpd.Descent("adam", model="piecewise", polish=7, corrections=2)},
+    "the tilt": {"objective": limits.SteadyTilt()},
     "limits": {
         "limits": (limits.Stroke(0.3), limits.Clearance(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))
     },
@@ -122,7 +123,17 @@ def test_the_job_of_a_design_describes_its_problem(asked):
     assert job_of(tomllib.loads(job.toml)) == job
     assert job.space.table == design.space.table
     again = answer(scene=job.scene, **job.settings)
-    for name in ("scene", "space", "starts", "risk", "limits", "requirements", "ensemble", "seed"):
+    for name in (
+        "scene",
+        "space",
+        "starts",
+        "risk",
+        "objective",
+        "limits",
+        "requirements",
+        "ensemble",
+        "seed",
+    ):
         assert getattr(again, name) == getattr(design, name), name
     assert repr(again.method) == repr(design.method)
     np.testing.assert_array_equal(again.conditions.factor_rows(), design.conditions.factor_rows())

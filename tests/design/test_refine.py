@@ -12,11 +12,11 @@ from tpd.core.progress import unreported
 from tpd.design.optimise import solve_problem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.refine import Refinement, refine
+from tpd.design.refine import Refinement
 
 
 def refined(problem: Problem, progress=unreported) -> Refinement:
-    return refine(problem, problem.candidates(unreported)[0], progress)
+    return problem.improver(None, progress)
 
 
 def best_of(here: Refinement, *rejected: np.ndarray) -> np.ndarray:
@@ -90,8 +90,8 @@ def test_the_refinement_finds_the_same_design_in_a_wider_space(refinement):
     """The stroke and the tilt are those of the same shares of the narrow space."""
 
     class Wide(NoisyProblem):
-        def candidates(self, progress):
-            return self.space.sample(np.random.default_rng(self.seed), 48), None
+        def candidates(self):
+            return self.space.sample(np.random.default_rng(self.seed), 48)
 
     ends = np.clip(SPACE.ends * [[0.5], [2.0]], 0.0, 1.9).T.tolist()
     names = "mass_ratio", "length_ratio", "damping_ratio"
@@ -164,7 +164,7 @@ def test_proposed_designs_keep_the_limits_that_need_no_run():
     mass = 0.12 * float(NoisyProblem.of().scene.block.mass)
     problem = NoisyProblem.of(limits=(tpd.limits.Mass(mass),))
     here = Refinement(problem, unreported, 60)
-    here.evaluate(problem.candidates(unreported)[0])
+    here.evaluate(problem.candidates())
     for distance in (0.05, 0.02):
         designs = here.next(8, distance)
         assert 0 < len(designs) <= 8
@@ -273,8 +273,8 @@ def test_trials_beyond_a_bound_show_the_effect_of_a_wider_bound():
     space: Any = dataclasses.replace(SPACE, mass_ratio=(float(SPACE.ends[0, 0]), float(part)))
 
     class Part(NoisyProblem):
-        def candidates(self, progress):
-            return self.space.sample(np.random.default_rng(0), 24), None
+        def candidates(self):
+            return self.space.sample(np.random.default_rng(0), 24)
 
     here = refined(Part(**(NoisyProblem.of(limits=()).inputs | {"space": space})))
     at_bound = space.unscaled(np.array([1.0, 0.5, 0.4]))

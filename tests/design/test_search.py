@@ -1,5 +1,5 @@
-"""The search: screening, starts, order and statuses of the ends; descents and their finish: known minima,
-curved limits, and designs without a value."""
+"""The search: screening, starts, order and statuses of the ends; descents by every optimiser, and designs
+without a value. `test_newton` has more known minima."""
 
 import dataclasses
 
@@ -8,21 +8,10 @@ import optax
 import pytest
 
 import tpd
-from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
+from tests.design.minimax import FREE, LIMITED, STARTS, WORST
 from tests.design.test_orbits import Both, orbits
-from tpd.core.formatting import percent
-from tpd.design.orbits import Linearisation
-from tpd.design.search import (
-    SearchStatus,
-    _status,
-    best_apart,
-    descend,
-    finish,
-    first_apart,
-    screened_designs,
-    smoothed_merit,
-    transformation,
-)
+from tpd.design.newton import Linearisation
+from tpd.design.search import Ends, SearchStatus, _status, best_apart, descend, first_apart, screened_designs
 from tpd.design.search import search as search_designs
 
 
@@ -36,23 +25,30 @@ def test_descent_results_are_ordered_by_risk_and_infeasible_ones_are_infinite(se
     kept = objective.constraints(e)[0].max(axis=1) <= 0.0
     np.testing.assert_array_equal(np.isfinite(found.end_values), kept)
     np.testing.assert_allclose(found.end_values[kept], objective.value(e)[kept], rtol=1e-10)
-    assert found.end_values.min() == pytest.approx(0.2726536, abs=1e-6), "as with 64 starts"
+    assert found.end_values.min() == pytest.approx(0.2726536, abs=2e-6), "as with 64 starts and with SLSQP"
 
 
-def test_the_message_of_a_search_states_the_gain_of_the_final_optimiser(search):
+def test_the_search_reaches_the_least_factor_of_settling_that_many_starts_find(search):
+    """64 starts of 512 screened designs, with three times as many steps, end at 0.6255692."""
+    objective = dataclasses.replace(search[0], objective=tpd.limits.Settling())
+    found = search_designs(objective, tpd.Descent(searches=4, screening=64, model=tpd.Piecewise()), 0)
+    assert found.end_values.min() == pytest.approx(0.6255692, abs=1e-5)
+    np.testing.assert_allclose(found.ends[found.order[0]], [0.18157, 1.33893, 0.4], rtol=1e-3)
+
+
+def test_the_last_steps_on_the_exact_orbits_lower_the_risk(search):
+    """The descents of few steps are the same, and the further steps never raise the merit."""
     objective, found = search
-    assert found.finished < found.descended
-    tilts = (percent(x, 1) for x in (found.descended, found.finished))
-    after = "is {} of the toppling tilt after the descents, and {} after the finish."
-    assert found.message.endswith(after.format(*tilts))
-    alone = search_designs(objective, tpd.Descent(searches=20, screening=48, steps=8, finish=0), 0)
-    assert alone.finished == alone.descended
-    assert alone.message.endswith("and the finish does not lower it.")
-    at_rest = dataclasses.replace(found, descended=0.1, finished=-0.2)
-    assert at_rest.message.endswith(
-        "-20.0 % after the finish; a negative number is the margin of a block at rest."
-    )
-    assert "no design" in dataclasses.replace(found, descended=np.inf).message
+    settings = tpd.Descent(searches=20, screening=48, steps=8, polish=0, model=tpd.Piecewise())
+    alone = search_designs(objective, settings, 0)
+    assert alone.evaluations == 48 + 8 * 20
+    assert found.evaluations == 48 + (8 + 40) * 20
+    both = np.isfinite(alone.end_values)
+    assert np.all(found.end_values[both] <= alone.end_values[both] + 1e-12)
+    assert found.end_values.min() < alone.end_values.min()
+    np.testing.assert_array_equal(alone.paths[0], found.paths[0][:9])
+    # Eight steps are not enough, and the statuses of these descents say so.
+    assert SearchStatus.steps_exhausted in alone.statuses
 
 
 def test_equal_starting_designs_are_searched_once():
@@ -73,14 +69,13 @@ def test_equal_starting_designs_are_searched_once():
         ({"limit": 0.1}, SearchStatus.infeasible),
         ({"value": np.inf}, SearchStatus.infeasible),
         ({"value": -0.1}, SearchStatus.rests),
-        ({"contradicted": True}, SearchStatus.contradicted),
     ],
 )
 def test_every_search_ends_with_a_status(changed, expected):
-    given = {"value": 0.3, "limit": -0.5, "x": 0.5, "converged": True, "contradicted": False} | changed
+    given = {"value": 0.3, "limit": -0.5, "x": 0.5, "converged": True} | changed
     none = np.zeros((1, 2, 3))
     at = Linearisation(np.full((1, 2), given["value"]), none, np.full((1, 2), given["limit"]), none)
-    assert _status(np.full(3, given["x"]), at, given["contradicted"], given["converged"]) is expected
+    assert _status(np.full(3, given["x"]), at, given["converged"]) is expected
 
 
 def test_a_user_objective_on_the_swing_reduces_the_swing():
@@ -134,104 +129,42 @@ def test_first_apart_skips_neighbours_of_earlier_designs():
     assert first_apart(units, order[:0], 4) == []
 
 
-def finished(problem, starts=STARTS, cap=1.0, risk=WORST, **more):
-    """Ends of the finish from each start: designs and merits."""
-    ends = [finish(problem, x, problem(x[None]), cap, risk, **more) for x in starts]
-    return ends, np.array([float(risk(e.local.value)[0]) for e in ends]), np.array([e.x for e in ends])
+OPTIMISERS = {"newton": "newton", "adam": "adam", "own": optax.adam(0.01)}
 
 
-def test_the_final_optimiser_reaches_a_known_minimax_from_every_start():
-    ends, merit, x = finished(FREE)
-    np.testing.assert_allclose(merit, 1.9522245, rtol=1e-6)
-    np.testing.assert_allclose(6.0 * x - 3.0, [[1.13904, 0.89956]] * 4, atol=1e-3)
-    assert all(e.converged for e in ends)
-    assert not any(e.converged for e in finished(FREE, steps=2)[0]), "where the steps run out"
-
-
-def test_the_final_optimiser_minimises_the_conditional_value_at_risk():
-    """Of three functions the mean of the worst two, least on the limit where two of them are equal: there
-    x^2 + (1.5 - x)^4 = 2 e^(1.5 - 2 x)."""
-    risk = tpd.Risk.cvar(2.0 / 3.0)
-    np.testing.assert_allclose(finished(LIMITED, cap=risk.cap(3), risk=risk.of)[1], 2.20740775, rtol=1e-6)
-
-
-def test_the_final_optimiser_reaches_free_and_constrained_minima():
-    bowl = [lambda x, y: ((x - 2) ** 2 + 10 * (y - 1) ** 2, (2 * x - 4, 20 * y - 20))]
-    line = [lambda x, y: (x + y - 2.0, (np.ones_like(x), np.ones_like(y)))]
-    start = np.array([[0.5, 0.5]])
-    free = finished(in_unit_square(linearisations(bowl)), start)[2]
-    np.testing.assert_allclose(6.0 * free - 3.0, [[2.0, 1.0]], atol=1e-3)
-    held = finished(in_unit_square(linearisations(bowl, line)), start)[2]
-    # Lagrange: x = 2 - 10/11, y = 1 - 1/11.
-    np.testing.assert_allclose(6.0 * held - 3.0, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-3)
-
-
-def test_the_final_optimiser_follows_a_curved_constraint():
-    """Along a ring to its rightmost point, where every straight step leaves the ring."""
-
-    def ring(sign):
-        return lambda x, y: (sign * 0.2 * (x**2 + y**2 - 1), (sign * 0.4 * x, sign * 0.4 * y))
-
-    right = [lambda x, y: (-x, (-np.ones_like(x), np.zeros_like(y)))]
-    problem = in_unit_square(linearisations(right, [ring(1.0), ring(-1.0)]))
-    (end,), _, x = finished(problem, np.array([[np.cos(2.5) + 3.0, np.sin(2.5) + 3.0]]) / 6.0)
-    np.testing.assert_allclose(6.0 * x - 3.0, [[1.0, 0.0]], atol=1e-4)
-    assert end.evaluations < 40
-    assert end.converged
-
-
-def test_the_final_optimiser_makes_no_step_from_an_unknown_value():
-    def holed(units):
-        at = FREE(units)
-        return at._replace(value=np.where(units[:, :1] > 0.75, np.inf, at.value))
-
-    ends, merit, x = finished(holed)
-    assert [e.evaluations == 0 for e in ends] == [False, True, False, False]
-    np.testing.assert_array_equal(x[1], STARTS[1])
-    np.testing.assert_allclose(merit[[0, 2, 3]], 1.9522245, rtol=1e-6)
-
-
-def descended(problem, settings, starts=STARTS, **more):
-    optimiser, local = transformation(settings), problem(starts)
-    return descend(optimiser, problem, starts, local, 1.0, WORST, steps=settings.steps, **more)
-
-
-@pytest.mark.parametrize("cap", [1.0, 0.5, 1.0 / 3.0])
-def test_the_smoothed_merit_tends_to_the_risk_and_has_correct_derivatives(cap):
-    risk = tpd.Risk.cvar(1.0 / (3.0 * cap))
-    at = LIMITED(STARTS)
-    sharp = risk.of(at.value) + 10.0 * np.maximum(at.limit[:, 0], 0.0)
-    np.testing.assert_allclose(smoothed_merit(at, cap, 1e-7)[0], sharp, atol=1e-5)
-    _, slope = smoothed_merit(at, cap, 0.3)
-    for i in range(2):
-        step = 1e-6 * np.eye(2)[i]
-        up, down = (smoothed_merit(LIMITED(STARTS + s * step), cap, 0.3)[0] for s in (1, -1))
-        np.testing.assert_allclose(slope[:, i], (up - down) / 2e-6, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("optimiser", ["adam", "rmsprop", optax.adam(0.01)], ids=["adam", "rmsprop", "own"])
+@pytest.mark.parametrize("optimiser", OPTIMISERS.values(), ids=OPTIMISERS)
 @pytest.mark.parametrize(("problem", "least"), [(FREE, 1.9522245), (LIMITED, 3.125)])
-def test_every_first_order_optimiser_approaches_a_known_minimax(optimiser, problem, least):
+def test_every_optimiser_approaches_a_known_minimax(optimiser, problem, least):
     asked, done = [], []
 
     def recorded(units):
         asked.append(units.copy())
         return problem(units)
 
-    settings = tpd.Descent(optimiser, steps=160)
-    ends = descended(recorded, settings, after=lambda *event: done.append(event))
-    np.testing.assert_allclose(ends.merit, least, rtol=0.03)
+    given = 1.0, WORST
+    ends = descend(
+        optimiser,
+        recorded,
+        STARTS,
+        problem(STARTS),
+        *given,
+        steps=160,
+        after=lambda *event: done.append(event),
+    )
+    # The last width of the smoothing is 1e-4.
+    np.testing.assert_allclose(ends.merit, least, rtol=1e-3 if optimiser == "newton" else 0.01)
     assert np.all(ends.merit >= least * (1.0 - 1e-6))
     assert np.all((np.concatenate(asked) >= 0.0) & (np.concatenate(asked) <= 1.0))
     assert done == [(i, 160) for i in range(1, 161)]
     assert ends.path.shape == (161, 4, 2)
     np.testing.assert_array_equal(ends.path[0], STARTS)
     np.testing.assert_array_equal(ends.path[-1], ends.x)
-    alone = descended(problem, settings, STARTS[1:2])
+    alone = descend(optimiser, problem, STARTS[1:2], problem(STARTS[1:2]), *given, steps=160)
     np.testing.assert_allclose(alone.x[0], ends.x[1], rtol=1e-9)
 
 
-def test_a_descent_returns_to_its_best_design_after_an_unknown_value():
+@pytest.mark.parametrize("optimiser", ["newton", "adam"])
+def test_a_descent_returns_to_its_best_design_after_an_unknown_value(optimiser):
     """Beyond x = 0.6 nothing is known, and there the minimum lies. A descent ends at that edge, well below
     its start (8.0), though not at the best place of the edge (2.97): no derivative leads along it."""
 
@@ -239,9 +172,24 @@ def test_a_descent_returns_to_its_best_design_after_an_unknown_value():
         at = FREE(unit)
         return at._replace(value=np.where(unit[:, :1] > 0.6, np.inf, at.value))
 
-    found = descended(holed, tpd.Descent(steps=60), STARTS[2:3])
+    found = descend(optimiser, holed, STARTS[2:3], holed(STARTS[2:3]), 1.0, WORST, steps=60)
     assert 0.59 < found.x[0, 0] <= 0.6
     assert found.merit[0] < 4.0
+
+
+def test_a_few_steps_without_gain_are_no_sign_of_convergence():
+    """A step that is taken back leaves the merit as it was."""
+    none = Linearisation(*np.zeros((4, 1, 1, 1)))
+    x, falls = np.zeros((1, 1)), [5.0, 4.0, 3.0, 2.0, 1.0, 1.0]
+
+    def ends(merits):
+        return Ends(x, none, np.array(merits[-1:]), x, np.array(merits)[:, None])
+
+    assert not ends(falls).converged
+    assert not ends([2.0, 1.0]).converged
+    assert ends([*falls, *[1.0] * 4]).converged
+    assert ends([1.0, 1.0]).converged
+    assert not ends([np.inf, 1.0]).converged
 
 
 @pytest.mark.parametrize("status", list(SearchStatus))

@@ -132,7 +132,8 @@ def optimum(swing, heaviest):
     """Least risk over nu of what the searches find on exact orbits within a limit and a space."""
     space = tpd.DesignSpace(mass_ratio=(0.01, heaviest), damping_ratio=(0.05, 0.4))
     limits = (tpd.limits.Stroke(swing),)
-    problem = HarmonicProblem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
+    given = {"conditions": BAND, "limits": limits, "method": METHOD, "objective": tpd.limits.SteadyTilt()}
+    problem = HarmonicProblem.of(SCENE, space, **given)
     best = float(np.min(search(problem.orbits, METHOD, 0).end_values))
     assert np.isfinite(best)
     return best

@@ -59,7 +59,7 @@ DESIGN = (
 _REST = "design for a block that starts at rest (default: for the largest stable motion of the block)"
 CONDITIONS = (
     *_options("conditions", "exactly band amplitudes"),
-    *_options("search", "risk"),
+    *_options("search", "objective risk"),
     Option("starts", "kind", "--from-rest", value="rest", help=_REST),
 )
 SEARCH = (

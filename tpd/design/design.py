@@ -15,9 +15,10 @@ from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed, number
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduction
-from tpd.design.refine import Trials, WiderBound
+from tpd.design.refine import WiderBound
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
+from tpd.design.trials import Trials
 from tpd.design.validate import Validated
 from tpd.limits import LABELS, STILL, stroke_limit
 from tpd.scene.conditions import Conditions

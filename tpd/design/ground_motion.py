@@ -29,6 +29,7 @@ from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.refine import Refinement, refine
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.design.space import DesignSpace
@@ -195,11 +196,6 @@ class GroundMotionProblem(Problem):
         return super().tables | {"excitation": motion, "ensemble": ensemble, "hazard": hazard}
 
     @property
-    def further(self) -> int:  # type: ignore[override]
-        """See `Problem.further`."""
-        return self.method.steps
-
-    @property
     def scatter(self) -> dict[str, HalfWidth]:
         """See `Problem.scatter`: only properties of the block and of the installation vary."""
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
@@ -260,10 +256,11 @@ class GroundMotionProblem(Problem):
         motions = self.stated_motions[levels - 1 :: levels]
         return np.array([isolation_period(motion, lifts) for motion in motions]), SPECTRAL_DAMPING
 
-    def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
-        """See `Problem.candidates`: the candidates are spread over the design space."""
-        rng = np.random.default_rng([self.seed, 7])
-        return self.space.sample(rng, self.method.designs), None
+    def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
+        """See `Problem.improver`: the first trials are spread over the design space."""
+        spread = self.space.sample(np.random.default_rng([self.seed, 7]), self.method.designs)
+        candidates = spread if guess is None else np.concatenate([guess[None], spread])
+        return refine(self, candidates, self.method.steps, progress)
 
     def trial_runs(self, design: np.ndarray | None, seed: int, equations: str = Terms.linear.value) -> Runs:
         """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the

@@ -15,23 +15,29 @@ from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.run_table import Runs
 from tpd.answers.statistics import SIGNIFICANT, chance_of
-from tpd.compiled.calling import load_compiled
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
-from tpd.core.batch import aside
 from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress, unreported
+from tpd.design.corrections import Corrections
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
-from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
-from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective, stroke_limit, usual_stroke
+from tpd.limits import (
+    DEFAULT_LIMITS,
+    OBJECTIVES,
+    Objective,
+    Settling,
+    check_objective,
+    stroke_limit,
+    usual_stroke,
+)
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
@@ -50,8 +56,6 @@ _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCHED = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
-_SPREAD, _DRAWN = 40, 512
-"""Number of candidates from the whole space, and number of designs that are drawn to select them."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _SMOOTH = 0.2
@@ -95,18 +99,19 @@ class HarmonicProblem(Problem):
     objective: Objective
     """Quantity that the descents minimise. Trials and validation reduce what `requirements.reduce` states."""
     defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
-        "risk": Risk.worst(),
+        "risk": Risk.cvar(),
         "limits": DEFAULT_LIMITS,
         "method": Descent(),
         "ensemble": Ensemble(size=VALIDATION_RUNS),
         "starts": Starts.any(),
-        "objective": SteadyTilt(),
+        "objective": Settling(),
     }
     pictures = *Problem.pictures, "conditions", "motion"
     has_earthquakes: ClassVar[bool] = False
     begin_of_runs: ClassVar[str] = "Validation runs with"
     attempts: ClassVar[int] = 3
-    further: ClassVar[int] = 32
+    # Other reasons than limits are those of the best design, so that no other one is better.
+    retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit})
 
     @staticmethod
     def of(
@@ -184,8 +189,6 @@ class HarmonicProblem(Problem):
     def job(self) -> Job:
         """See `Problem.job`."""
         job = super().job
-        if self.objective != SteadyTilt():
-            raise ValueError("a job file cannot describe an objective, which exists only in Python")
         conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
         # Scatter with another seed, or a combination in another order, gives other conditions.
         rows = conditions.factor_rows(), self.conditions.factor_rows()
@@ -199,7 +202,12 @@ class HarmonicProblem(Problem):
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
         """See `Problem.tables`."""
-        return super().tables | {
+        names = [name for name, objective in OBJECTIVES.items() if objective == self.objective]
+        if not names:
+            raise ValueError("a job file cannot describe an objective that exists only in Python")
+        tables = super().tables
+        return tables | {
+            "search": tables["search"] | {"objective": names[0]},
             "excitation": vars(self.scene.excitation),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
@@ -302,24 +310,23 @@ class HarmonicProblem(Problem):
         q = under_all(as_arrays(self.scene.parameters()), self.orbits.massless, self.conditions)
         return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
-    def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
-        """See `Problem.candidates`. The candidates are the confirmed ends of the descents, and designs spread
-        over the space."""
-        few = replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
+    @property
+    def objective_in_words(self) -> str:  # type: ignore[override]
+        """See `Problem.objective_in_words`."""
+        return self.objective.label or self.objective.name
+
+    @cached_property
+    def searched(self) -> Orbits:
+        """Symmetric orbits under the conditions of the descents."""
+        return replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
+
+    def improver(self, guess: np.ndarray | None, progress: Progress) -> Corrections:
+        """See `Problem.improver`."""
         if isinstance(self.model, Smoothed):
-            prepare_step(few, self.model)
-        # Trial runs need the compiled kernels: load them in a thread while the descents run.
-        aside(load_compiled)
-        result = search(few, replace(self.method, model=self.model), self.seed, progress)
-        if len(few.conditions) < len(self.conditions):
-            part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
-            result = replace(result, description=result.description + part)
-        rng = np.random.default_rng([self.seed, 9])
-        drawn = self.space.sample(rng, _DRAWN)
-        # Designs that exceed a limit even at rest come last. Some of them remain, because they show the
-        # effect of the limit.
-        spread = drawn[np.argsort(~self.possible(drawn), kind="stable")[:_SPREAD]]
-        return np.concatenate([result.confirmed, spread]), result
+            prepare_step(self.searched, self.model)
+        # The model is chosen by the block, unless the settings state it.
+        method = replace(self.method, model=self.model)
+        return Corrections(self, self.orbits, self.searched, method, progress, guess)
 
     def fixed_sizes(self, designs: np.ndarray, swing: float = 0.0) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""

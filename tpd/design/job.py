@@ -40,7 +40,7 @@ from tpd.design.tables import (
 )
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
-from tpd.limits import LIMIT_KINDS, Clearance, Limit, Requirements, Worsening
+from tpd.limits import LIMIT_KINDS, OBJECTIVES, Clearance, Limit, Objective, Requirements, Worsening
 from tpd.records.intensity import intensity_of
 from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
@@ -95,8 +95,8 @@ class Job(ABC):
     """Modules with the compiled code that the motions use."""
     search: ClassVar[type[Descent | GroundSearch]]
     """Class of the settings of the search."""
-    only: ClassVar[str]
-    """Argument of `tpd.optimise` that other kinds of jobs do not have."""
+    only: ClassVar[tuple[str, ...]]
+    """Arguments of `tpd.optimise` that other kinds of jobs do not have."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
@@ -386,7 +386,7 @@ class Job(ABC):
     def settings(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` except the scene."""
         names = ["space", "conditions", "risk", "limits", "method", "ensemble", "requirements", "seed"]
-        return {name: getattr(self, name) for name in [*names, self.only]}
+        return {name: getattr(self, name) for name in [*names, *self.only]}
 
     @property
     def tables(self) -> Tables:
@@ -416,7 +416,7 @@ class Job(ABC):
 class HarmonicJob(Job):
     """Job with a harmonic motion."""
 
-    compiled, search, only = compiling.HARMONIC, Descent, "starts"
+    compiled, search, only = compiling.HARMONIC, Descent, ("starts", "objective")
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -470,6 +470,11 @@ class HarmonicJob(Job):
         """Initial states of the search."""
         return Starts.rest() if self.full["starts"]["kind"] == "rest" else Starts.any()
 
+    @property
+    def objective(self) -> Objective:
+        """Quantity that the descents reduce."""
+        return OBJECTIVES[self.full["search"]["objective"]]
+
     @cached_property
     def ensemble(self) -> Ensemble:
         """See `Job.ensemble`."""
@@ -480,7 +485,7 @@ class HarmonicJob(Job):
 class RecordsJob(Job):
     """Job with records."""
 
-    compiled, search, only = compiling.GROUND, GroundSearch, "validation_share"
+    compiled, search, only = compiling.GROUND, GroundSearch, ("validation_share",)
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""

@@ -1,9 +1,9 @@
 """The main function: find a pendulum for a scene, in three stages.
 
-*Search* yields candidates: under harmonic excitation by descents on smoothed orbits, under ground motions by
-a sample of the design space. *Refine* evaluates the candidates and further designs by trial runs. *Validate*
-decides by paired runs that no other stage has used. Under ground motions the same earthquakes validate every
-design.
+*Search*: under harmonic excitation descents on smoothed orbits minimise what remains of a disturbance, and
+runs correct their limits (`tpd.design.corrections`). Under ground motions trial runs and a smoothing spline
+lead to the best design (`tpd.design.refine`). *Validate* decides by paired runs that no other stage has used.
+Under ground motions the same earthquakes validate every design.
 
 `front` solves a problem again with lighter bobs, and `optimise_all` finds pendulums for many blocks.
 """
@@ -30,7 +30,6 @@ from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.refine import refine
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
@@ -68,13 +67,14 @@ def optimise(
     in amplitude. For ground motions pass `conditions=Conditions.records(...)`, see
     `tpd.design.ground_motion.GroundMotionProblem`.
 
-    The search smooths signs and impacts. Diffrax integrates the equations (25), optax descends on the
-    gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
-    equations then compare these designs with others, and a smoothing spline proposes further designs. Runs of
-    the nonlinear equations choose among the best of them, and paired runs validate the choice. They must show
-    the benefit that `requirements` states, and no harm. At most three designs are validated, each by new
-    runs. Under ground motions the same earthquakes validate every design. There are then at most two
-    designs, and the second one is validated only if limits are the only reason against the first.
+    The search smooths signs and impacts. Diffrax integrates the equations (25) and their variational
+    equations, and optax descends on the gradients of what remains of a small disturbance
+    (`limits.Settling`). The last steps use exact orbits. Runs of the best design show how far the bob swings
+    during transients, and the descents continue with limits that allow for it. Paired runs validate the
+    design. They must show the benefit that `requirements` states, and no harm. At most three designs are
+    validated, each by new runs, and a further one only if limits are the only reason against the last. Under
+    ground motions trial runs and a smoothing spline choose the design. The same earthquakes then validate
+    every design, and there are at most two.
 
     Args:
         scene: block and excitation in SI units. Under ground motions a block alone is sufficient.
@@ -82,11 +82,11 @@ def optimise(
         conditions: excitations for which the design must work; default `Conditions.around(scene)`.
         starts: initial states of the search. The default `Starts.any()` counts the largest motion that
             attracts. With `Starts.rest()` rest counts wherever the block can stay at rest.
-        risk: measure over the conditions that the descents reduce; default `Risk.worst()`. Under ground
+        risk: measure over the conditions that the descents reduce; default `Risk.cvar()`. Under ground
             motions there are no descents, and the trial runs use it, by default `Risk.expected()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`. `limits.POINT_BOB` has no walls.
-        objective: quantity that the descents reduce under harmonic excitation; default the settled tilt,
-            `limits.SteadyTilt()`.
+        objective: quantity that the descents reduce under harmonic excitation; default what remains of a
+            disturbance, `limits.Settling()`.
         method: settings of the search, `Descent(...)` or under ground motions `GroundSearch(...)`.
         ensemble: validation runs, which are distributed over the conditions; default `Ensemble(size=2048)`.
         requirements: smallest benefit and largest harm of a recommended pendulum; default `Requirements()`.
@@ -144,10 +144,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     """Search, refine and validate a design for a problem; see `optimise`."""
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)
-    candidates, search = problem.candidates(progress)
-    if (guess := first_guess(problem)) is not None:
-        candidates = np.concatenate([guess[None], candidates])
-    refinement = refine(problem, candidates, progress)
+    refinement = problem.improver(first_guess(problem), progress)
     status, validated = DesignStatus.none_feasible, list[Validated]()
     for attempt in range(problem.attempts):
         # A design next to a rejected one would most likely be rejected as well.
@@ -171,7 +168,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         status=status,
         validated=tuple(validated),
         trials=refinement.trials(),
-        search=search,
+        search=refinement.search,
         equivalent=None if best is None else refinement.equivalent(best),
         wider_bounds=() if best is None else refinement.wider_bounds(best),
     )

@@ -14,7 +14,6 @@ the smoothed model where there is no orbit to follow: where the block rests, and
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,12 +22,14 @@ from tpd.compiled.orbits import orbit_slopes, solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.progress import Count, unreported
+from tpd.design.angle_factors import AngleFactors
 from tpd.design.geometry import Geometry
+from tpd.design.newton import Linearisation
 from tpd.design.risk import Risk
 from tpd.design.sizes import NEAR, NONE, REST, ROCKING, UNSTABLE, Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace
-from tpd.limits import Limit, Objective, SteadyTilt, Worsening
-from tpd.models.half_period import half_period, newton
+from tpd.limits import LIMIT_KINDS, Limit, Objective, SteadyTilt, Worsening
+from tpd.models.half_period import half_period, newton, remaining
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
@@ -51,9 +52,9 @@ _RESERVE = ("fold", "symmetry", "torus")
 OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 """Fields of an evaluation that have one value per pair of design and condition. These fields come first."""
 
-SMOOTHED = Smoothed(rtol=1e-7)
-"""Default model of a descent. The error control ignores derivatives, so the tolerance is smaller than for
-motions."""
+SMOOTHED = Smoothed(rtol=1e-8, sharpness=0.005)
+"""Default model of a descent. The error control ignores derivatives, so the tolerance is smaller and the
+smoothing is wider than for motions: second derivatives of a narrow layer need small steps."""
 _CHUNK = 32
 """Number of orbits that take a step together on each core. All of them wait for the slowest."""
 _STEPS = 3
@@ -63,24 +64,6 @@ _NEAR, _ASTRAY = 0.01, 0.5
 """Residual in units of nu below which no further step follows, and above which the orbit is lost."""
 _SAME = 0.01
 """Relative difference between the tilts of two orbits above which they count as different orbits."""
-
-
-class Linearisation(NamedTuple):
-    """Values of n functions and l constraints (<= 0) at m designs, with their slopes along d scaled
-    coordinates."""
-
-    value: np.ndarray
-    """Values of the functions, (m, n)."""
-    slope: np.ndarray
-    """Slopes of the functions, (m, n, d)."""
-    limit: np.ndarray
-    """Values of the constraints, (m, l)."""
-    limit_slope: np.ndarray
-    """Slopes of the constraints, (m, l, d)."""
-
-    def at(self, rows: np.ndarray | slice) -> Linearisation:
-        """Return the linearisation at some of the designs."""
-        return Linearisation(*(x[rows] for x in self))
 
 
 @dataclass(frozen=True)
@@ -101,6 +84,10 @@ class Orbits:
     """Whether rest counts wherever the block can stay at rest, although it also rocks from other initial
     states."""
     objective: Objective = field(default_factory=SteadyTilt)
+    angles: AngleFactors = field(default_factory=AngleFactors)
+    """Factors on the angles of an orbit in its limits, because transients are larger."""
+    least_margins: np.ndarray | None = None
+    """Smallest allowed uplift margin under each condition, (n,); minus infinity where there is none."""
 
     def evaluate(self, designs: np.ndarray, progress: Count = unreported) -> Evaluation:
         """Evaluate designs (mu, lam, zeta), shape (m, 3), under all conditions."""
@@ -121,10 +108,16 @@ class Orbits:
             ValueError: the objective cannot be differentiated.
         """
         (size,) = evaluate_sizes([self.objective], e, self.geometry, slopes=True)
-        # Where the block does not rock an orbit may be infinite or absent.
-        rocks = e.kind <= NEAR
-        slope = np.where(rocks[..., None], size.slope, e.merit_slope)
-        return e._replace(merit=np.where(rocks, size.value, e.merit), merit_slope=slope)
+        # Where an orbit stops attracting the merit increases by one. Its slope leads back to stability.
+        has_orbit, unstable = (e.kind <= NEAR) | (e.kind == UNSTABLE), e.kind == UNSTABLE
+        slope = np.where(has_orbit[..., None], size.slope, e.merit_slope)
+        return e._replace(merit=np.where(has_orbit, size.value + unstable, e.merit), merit_slope=slope)
+
+    @property
+    def needs_remaining(self) -> bool:
+        """Whether the objective, or a limit of a user, can depend on what remains of a disturbance."""
+        of_orbits = (x for x in (self.objective, *self.limits) if not x.of_motion)
+        return any(type(x) not in LIMIT_KINDS for x in of_orbits)
 
     @property
     def massless(self) -> np.ndarray:
@@ -153,11 +146,30 @@ class Orbits:
     def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Return constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of
         sizes."""
-        m, sizes = len(e.kind), evaluate_sizes(self.limits, e, self.geometry, slopes=True)
-        value = np.concatenate([np.zeros((m, 0)), *(s.value - 1.0 for s in sizes)], axis=1)
-        slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
+        m, factors = len(e.kind), self.angles.of([limit.name for limit in self.limits], e.design)
+        sizes = evaluate_sizes(self.limits, e, self.geometry, slopes=True, factors=factors)
+        # A quantity that no angle changes has a factor of its own.
+        more = [self.angles.sizes.get(s.name, 1.0) for s in sizes]
+        pairs = list(zip(more, sizes, strict=True))
+        value = np.concatenate([np.zeros((m, 0)), *(x * s.value - 1.0 for x, s in pairs)], axis=1)
+        slope = np.concatenate([np.zeros((m, 0, 3)), *(x * s.slope for x, s in pairs)], axis=1)
+        # The block must be able to rest where it can rest without a pendulum.
+        if self.least_margins is not None:
+            value = np.concatenate([value, self.least_margins - self.margins(e.design)], axis=1)
+            slope = np.concatenate([slope, -self._margin_slopes(e.design)], axis=1)
+            # Minus infinity is no limit.
+            value = np.maximum(value, -10.0)
         # A quantity that is not finite breaks its limit, but has no derivative that shows the direction back.
         return np.where(np.isfinite(value), value, 10.0), slope
+
+    def _margin_slopes(self, designs: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the uplift margins of designs (m, 3), shape (m, n, 3)."""
+        q = under_all(self.p, designs, self.conditions)
+        design, n = np.stack([q.mu, q.lam, q.zeta]), len(self.conditions)
+        along = _directions(self.p, q, self.conditions, len(designs))[:, :, [MU, LAM, ZETA]]
+        stepped = (with_design(q, design + 1j * _STEP * along[:, i].T) for i in range(3))
+        slopes = [np.imag(uplift(x).margin) / _STEP for x in stepped]
+        return np.stack(slopes, axis=-1).reshape(len(designs), n, 3)
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Return merits, tightened constraints and their derivatives along the searched shares of the
@@ -186,7 +198,7 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
     # Orbits are sorted by amplitude, largest first. Among orbits of equal kind the largest counts.
     best = np.argmin(kinds, axis=1)
     o = orbits[np.arange(len(best)), best]
-    slope = orbit_slopes(x, o[:, None], along, (0, SIZES["torus"] + 1)).squeeze(1)
+    slope = orbit_slopes(x, o[:, None], along, (0, SIZES["remaining"] + 1)).squeeze(1)
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
@@ -215,13 +227,11 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
     multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
-    # A design without an attracting motion must be worse than any design with one, whose merit is below one.
-    # The search then leaves such designs, and the slope of the uplift margin shows the direction towards
-    # rest.
-    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
+    # A design without an orbit is worse than acceptable ones with an orbit. The search leaves such designs,
+    # and the slope of the uplift margin shows the direction towards rest.
     out = Evaluation(
-        merit=np.where(kind == REST, -margin, nothing),
-        merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
+        merit=np.where(kind == REST, -margin, 2.0 - margin),
+        merit_slope=-_finite(margin_slope),
         tilt=tilt,
         tilt_slope=tilt_slope,
         swing=np.where(moves, sizes["swing"], lift.swing),
@@ -230,6 +240,8 @@ def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_c
         multiplier=np.where(moves, multiplier, np.where(at_rest, 0.0, np.inf)),
         reserve=np.where(moves, reserve, np.where(at_rest, 1.0, 0.0)),
         reserve_slope=chosen(reserve_slope, 0.0),
+        remaining=np.where(moves, sizes["remaining"], np.where(at_rest, 0.0, np.inf)),
+        remaining_slope=chosen(slopes["remaining"], 0.0),
         kind=kind,
         turn=turn,
         design=designs,
@@ -318,6 +330,20 @@ class SmoothedOrbits:
             has_failed = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
             self.follows[rows] = ~has_failed
             todo[rows] = ~has_failed & (step.residual > _NEAR)
+        rows = np.nonzero(self.follows)
+        if len(rows[0]) and o.needs_remaining:
+            # A second integration along the change of the orbit gives the derivatives of its stability.
+            batch = (
+                o.p,
+                designs[rows[0]],
+                o.conditions.factor_rows()[rows[1]],
+                self.turns[rows],
+                self.slopes[rows],
+            )
+            factor = in_chunks(remaining(self.model), batch, chunk=_CHUNK)
+            sound = factor.done & np.isfinite(factor.value) & np.isfinite(factor.slope).all(axis=1)
+            e.remaining[rows], e.remaining_slope[rows] = factor.value, factor.slope
+            self.follows[rows] = sound
         # The exact solution decides for orbits that did not converge or no longer attract.
         rests = (e.margin > 0.0) & o.rest_counts
         self.follows &= ~todo & ~rests & (e.multiplier < 1.0)
@@ -336,5 +362,6 @@ class SmoothedOrbits:
 def prepare_step(orbits: Orbits, model: Smoothed) -> None:
     """Start to compile the step in a thread. The first evaluation waits until the step is compiled."""
     batch = orbits.p, np.zeros((1, 3)), orbits.conditions.factor_rows()[:1], np.zeros((1, 4))
-    step = half_period(model)
-    prepare(step, batch, chunk=_CHUNK)
+    prepare(half_period(model), batch, chunk=_CHUNK)
+    if orbits.needs_remaining:
+        prepare(remaining(model), (*batch, np.zeros((1, 4, 3))), chunk=_CHUNK)

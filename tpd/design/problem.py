@@ -1,7 +1,7 @@
 """Design problem: the inputs of `tpd.optimise`, complete and checked, and the runs that evaluate a design.
 
-`HarmonicProblem` and `GroundMotionProblem` define candidates, trial runs, paired runs, and what else depends
-on the kind of excitation. Search, refinement, validation and report are written once, for `Problem`.
+`HarmonicProblem` and `GroundMotionProblem` define the search, trial runs, paired runs, and what else depends
+on the kind of excitation. Validation and report are written once, for `Problem`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import OVERTURNS, PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.answers.statistics import quantile_of
 from tpd.core import checks
@@ -49,6 +49,9 @@ from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
+_DEVIATIONS, _LEAST_SHARE = 2.0, 0.25
+"""Number of standard deviations by which the share of the runs that exceed a limit stays below the allowed
+share, as a margin for chance in the validation runs; and smallest ratio of both shares."""
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
@@ -106,8 +109,6 @@ class Problem(ABC):
     """Largest number of designs that are validated."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
     """Reasons against a design after which another design is validated."""
-    further: ClassVar[int]
-    """Number of further designs that are evaluated by trial runs after the candidates."""
     evidence: ClassVar[DesignStatus] = DesignStatus.recommended
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
     has_validation_runs: ClassVar[bool] = True
@@ -268,6 +269,13 @@ class Problem(ABC):
         return "; ".join([*listed, *normal]) or "none"
 
     @property
+    def safe_level(self) -> float:
+        """Share of the runs that must keep a limit, with a margin for chance in the validation."""
+        # Single runs decide at a limit of one per cent, so that a design on the limit fails every other time.
+        chance = _DEVIATIONS * np.sqrt(self.allowed * (1.0 - self.allowed) / self.limit_runs)
+        return 1.0 - max(self.allowed - chance, _LEAST_SHARE * self.allowed)
+
+    @property
     def run_limits(self) -> tuple[Limit, ...]:
         """Limits that single runs must keep, apart from the allowed share of them."""
         return tuple(limit for limit in self.limits if limit.of_motion)
@@ -323,6 +331,9 @@ class Problem(ABC):
     def parameters(self, pendulum: Pendulum | None) -> Parameters | None:
         """Return the dimensionless parameters, which exist only under harmonic excitation."""
         return None
+
+    objective_in_words: ClassVar[str] = ""
+    """Words for the quantity that descents minimise; empty without descents."""
 
     @property
     @abstractmethod
@@ -409,10 +420,13 @@ class Problem(ABC):
         return [f"the search {' and '.join(parts)}"] if parts else []
 
     @abstractmethod
-    def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
-        """Return designs for the trial runs, (m, 3), and the history of the search.
+    def improver(self, guess: np.ndarray | None, progress: Progress) -> Any:
+        """Return the method that finds the next design to validate: `Corrections` of descents, or a
+        `Refinement` by trial runs.
 
-        The history is None if there was no search.
+        Args:
+            guess: first guess, (3,), or None.
+            progress: function of (stage, done, total).
         """
 
     @abstractmethod
@@ -483,6 +497,11 @@ class Problem(ABC):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions in which the rod of a design rotates most relative to the block, at most 24."""
 
+    def reduces(self, without_pendulum: Runs) -> str:
+        """Return the measure that a pendulum must reduce, from runs without it; see `Requirements.reduce`."""
+        overturns = without_pendulum.share_overturned.value >= OVERTURNS
+        return self.requirements.reduce or ("overturning" if overturns else "tilt")
+
     def value_of(self, runs: Runs) -> float:
         """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""
         severity = runs.severity[~runs.is_unanswered]
@@ -519,8 +538,13 @@ class Problem(ABC):
         quantity, most = (size, 1.0) if limit is None else limit.quantity(size)
         return Reason(kind=ReasonKind.breaks_limit, limit=name, value=quantity, reference=most)
 
-    def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
-        """Return limited quantities over their limits, by name, in each run in which the block stands."""
+    def sizes_in_runs(
+        self, design: np.ndarray, runs: Runs, limits: tuple[Limit, ...] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return limited quantities over their limits, by name, in each run in which the block stands.
+
+        By default all limits of single runs count.
+        """
         stands, g = runs.stands, self.geometry
         nu, mu, lam = (np.asarray(x)[stands] for x in (runs.nu, runs.mu, runs.lam))
         # The block of a run differs from the nominal one: with a narrower block the walls are closer
@@ -542,7 +566,10 @@ class Problem(ABC):
 
         # The bob must not touch the walls during the transient either: the clearance applies to the whole
         # run. Every other limit applies to the settled motion.
-        parts = [sizes(x, "" if isinstance(x, Clearance) else "settled_") for x in self.run_limits]
+        parts = [
+            sizes(x, "" if isinstance(x, Clearance) else "settled_")
+            for x in (self.run_limits if limits is None else limits)
+        ]
         return {name: size for part in parts for name, size in part.items()}
 
     def reached(self, values: np.ndarray) -> float:

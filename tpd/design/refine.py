@@ -19,12 +19,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.answers.paired import FEWER, OVERTURNS
+from tpd.answers.paired import FEWER
 from tpd.answers.run_table import Runs
 from tpd.core.formatting import number
 from tpd.core.progress import Progress
 from tpd.design.problem import Problem
 from tpd.design.trend import Trend, fit, least_values
+from tpd.design.trials import Trials
 from tpd.limits import STILL
 from tpd.theory.equations import Terms
 
@@ -41,9 +42,6 @@ _CHECKED, _MOST_CHECKED = 32, 320
 _FEW, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
 number of comparisons."""
-_DEVIATIONS, _LEAST_SHARE = 2.0, 0.25
-"""Number of standard deviations by which the share of the runs that exceed a limit stays below the allowed
-share, as a margin for chance in the validation runs; and smallest ratio of both shares."""
 _NOISE = 0.005
 """Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less may
 well keep it."""
@@ -61,42 +59,6 @@ _TILT = 0.25
 """Weight of the mean tilt if the share of overturned runs must fall. The share alone would need more runs."""
 _SIZES = 1e-6, 1e3
 """Smallest and largest limited quantity over its limit. A run whose quantity is unknown has the largest."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trials:
-    """Designs that were evaluated by trial runs: arrays with one row for each of m designs."""
-
-    designs: np.ndarray
-    """(mu, lam, zeta), (m, 3)."""
-    value: np.ndarray
-    """Risk of the severities, (m,); NaN if no run has a result."""
-    trend: np.ndarray
-    """Risk as the trend over all designs estimates it, (m,)."""
-    names: tuple[str, ...]
-    """Names of the limited quantities."""
-    sizes: np.ndarray
-    """Limited quantities over their limits, (m, sizes): the value that only the allowed share of the standing
-    runs exceeds; NaN if too few runs stand."""
-    overturned: np.ndarray
-    """Share of the runs with a result that overturn, (m,)."""
-    undecided: np.ndarray
-    """Number of runs without a result, (m,). All other columns leave these runs out."""
-    feasible: np.ndarray
-    """Whether the design keeps all limits according to their trends, (m,)."""
-    without_pendulum: float
-    """Risk without a pendulum."""
-    risk: Trend | None
-    """Trend of the risk over the logarithms of the design; None if too few runs have a result."""
-    limits: dict[str, Trend] = field(default_factory=dict)
-    """Trends of the logarithms of the limited quantities over their limits, by name."""
-
-    def best_without(self, *limits: str) -> int | None:
-        """Return the index of the design of smallest trend that keeps all limits except those named, or
-        None."""
-        others = [i for i, name in enumerate(self.names) if name not in limits]
-        keeps = np.all(self.sizes[:, others] <= 1.0, axis=1) & np.isfinite(self.value)
-        return int(np.argmin(np.where(keeps, self.trend, np.inf))) if keeps.any() else None
 
 
 @dataclass(frozen=True)
@@ -162,10 +124,8 @@ class Refinement:
         # The runs without a pendulum are the reference of every trial.
         runs = self.problem.trial_runs(None, self._seed)
         self.without, self._rests = runs, float(runs.share_at_rest.value)
-        overturns = runs.share_overturned.value >= OVERTURNS
-        reduce = self.problem.requirements.reduce or ("overturning" if overturns else "tilt")
         # The search reduces what the verdict compares.
-        self._tilt = 1.0 if reduce == "tilt" else _TILT
+        self._tilt = 1.0 if self.problem.reduces(runs) == "tilt" else _TILT
 
     def at(self, designs: np.ndarray | list[np.ndarray]) -> np.ndarray:
         """Return designs (m, 3) in the coordinates of the trends, (m, d)."""
@@ -175,6 +135,9 @@ class Refinement:
     def possible(self) -> np.ndarray:
         """Whether each trial keeps the limits that need no run, (m,)."""
         return np.all([np.ones(len(self.designs)), *(x <= 1.0 for x in self.fixed.values())], axis=0)
+
+    search: None = None
+    """A refinement has no descents."""
 
     def merit_of(self, runs: Runs) -> float:
         """Return the merit of a design from its runs: the risk, or mostly the share of overturned runs if
@@ -200,9 +163,7 @@ class Refinement:
     def _sizes_of(self, design: np.ndarray, runs: Runs, rests: float) -> dict[str, float]:
         """Return the logarithm of every limited quantity over its limit that only the safe share of the
         allowed excesses exceeds, by name; NaN if too few runs stand."""
-        allowed, n = self.problem.allowed, self.problem.limit_runs
-        chance = _DEVIATIONS * np.sqrt(allowed * (1.0 - allowed) / n)
-        level, spare = 1.0 - max(allowed - chance, _LEAST_SHARE * allowed), np.log1p(-self.problem.spare)
+        level, spare = self.problem.safe_level, np.log1p(-self.problem.spare)
         out = dict[str, float]()
         for name, x in self.problem.sizes_in_runs(design, runs).items():
             if name not in STILL:
@@ -459,9 +420,9 @@ class Refinement:
         )
 
 
-def refine(problem: Problem, candidates: np.ndarray, progress: Progress) -> Refinement:
-    """Evaluate candidates (m, 3) of a problem by trial runs, then further designs of small trend."""
-    total = len(candidates) + problem.further
+def refine(problem: Problem, candidates: np.ndarray, further: int, progress: Progress) -> Refinement:
+    """Evaluate candidates (m, 3) of a problem by trial runs, then `further` designs of small trend."""
+    total = len(candidates) + further
     refinement = Refinement(problem, progress, total)
     refinement.evaluate(candidates)
     while (more := total - len(refinement.designs)) > 0:

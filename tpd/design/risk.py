@@ -11,12 +11,13 @@ from tpd.core import checks
 
 @dataclass(frozen=True, kw_only=True)
 class Risk:
-    """Risk measure: the mean tilt over the worst `share` of the conditions.
+    """Risk measure: the mean over the worst `share` of the conditions.
 
-    Under harmonic excitation only the descents minimise it, and the trial runs compare designs by a mean over
-    all runs. Under ground motions there are no descents, and the trial runs compare designs by the measure
-    over all runs. Trial runs apply it to the tilt, or, if overturning must fall, to the sum of a quarter of
-    the tilt and three quarters of the outcome (1 if the block overturns).
+    Under harmonic excitation only the descents minimise it, for their objective under each condition, by
+    default what remains of a disturbance (`limits.Settling`). Under ground motions there are no descents, and
+    the trial runs compare designs by the measure over all runs. Trial runs apply it to the tilt, or, if
+    overturning must fall, to the sum of a quarter of the tilt and three quarters of the outcome (1 if the
+    block overturns).
 
     Use `Risk.worst()`, `Risk.expected()` or `Risk.cvar(share)`. The field `share` is between 0 (only the
     worst condition) and 1 (all conditions); `name` is the name in reports.
@@ -43,16 +44,16 @@ class Risk:
 
     @staticmethod
     def worst() -> Risk:
-        """Return the measure that is the largest tilt over all conditions."""
+        """Return the measure that is the largest value over all conditions."""
         return Risk(share=0.0, name="worst")
 
     @staticmethod
     def expected() -> Risk:
-        """Return the measure that is the mean tilt over all conditions."""
+        """Return the measure that is the mean over all conditions."""
         return Risk(share=1.0, name="expected")
 
     @staticmethod
-    def cvar(share: checks.Real = 0.1) -> Risk:
+    def cvar(share: checks.Real = 0.5) -> Risk:
         """Return the conditional value at risk: the mean tilt over the worst `share` of the conditions.
 
         Raises:

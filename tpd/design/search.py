@@ -1,46 +1,29 @@
-"""Search under harmonic excitation: screen many designs, descend from the best with optax, finish with SLSQP.
+"""Search under harmonic excitation: screen designs in closed form, and descend from the best with optax.
 
 Three quarters of the screened designs are spread over the space. One quarter are the designs with the largest
-uplift margin, a closed form, out of thousands. Where a block rests its tilt is flat, so that a descent would
-rarely find such designs.
+uplift margin, a closed form, out of thousands. Where a block rests the objective is flat, so that a descent
+would rarely find such designs.
 
-Descent and finish minimise a capped weighted worst of n functions (the maximum, the mean, or the mean of the
-worst share) under inequality constraints and bounds. The descent smooths this measure,
-
-    min over s of  s + cap width sum softplus((v - s)/width).
-
-Its derivatives with respect to v are weights that sum to one. Limits enter as a smoothed exact penalty. The
-width decreases from step to step, because the worst case has kinks that a fixed width would round off. Any
-gradient transformation of optax makes the steps, which are clipped to the bounds.
-
-A first-order method only comes near an optimum that lies on a kink. Sequential quadratic programming on the
-exact gradients therefore finishes the best results. With a level s and excesses v and t the problem is the
-smooth programme
-
-    min  s + cap sum v + C t,    f_i(x) - s <= v_i,    c_j(x) <= t,    v, t >= 0
-
-(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000). A kink at which several conditions are equally
-bad is then reached as reliably as a smooth minimum. The programme always has a feasible point.
+The descents minimise a risk measure of the objective over all conditions under limits and bounds, see
+`tpd.design.newton`. Any gradient transformation of optax makes the steps, which are clipped to the bounds.
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array
-from scipy.optimize import Bounds, minimize
 
-from tpd.core.formatting import compared, percent
 from tpd.core.progress import Count, Progress, unreported
-from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, SmoothedOrbits
+from tpd.design.angle_factors import AngleFactors
+from tpd.design.newton import NARROW, PENALTY, WIDE, Linearisation, newton, smoothed, width_at
+from tpd.design.orbits import BACK_OFF, Orbits, SmoothedOrbits
 from tpd.design.settings import Descent
 from tpd.design.sizes import NEAR, Evaluation
 from tpd.design.space import first_apart
@@ -51,48 +34,33 @@ _CLOSED = 4096
 _APART = (0.1, 0.03, 0.0)
 """Distances, in shares of the bounds, that chosen designs keep from each other. The next smaller distance
 applies if too few designs are left."""
-_FINISHED_APART = 0.02
-"""Smallest distance between the designs that SLSQP refines, in shares of the bounds."""
 _AT_LIMIT = 1e-3
 """Relative distance from a limit below which the limit counts as active."""
+_STILL = 1e-3
+"""Change of the risk over the last quarter of a descent below which it has converged."""
+_FEW = 5
+"""Smallest number of steps of this quarter."""
+_FIRST, _LAST = 0.06, 0.02
+"""First step of Adam in shares of the bounds, and the ratio of the last step to the first."""
+_LARGEST = 2.0
+"""Largest value of an objective of order one. Designs without an attracting motion have larger values."""
+AT_BOUND = 1e-4
+"""Distance from a bound, in shares of the bounds, below which a design is at the bound."""
 
 Evaluate = Callable[[np.ndarray], Linearisation]
 """Function that returns values and constraints at designs (k, d) in shares of the bounds."""
 Measure = Callable[[np.ndarray], np.ndarray]
 """Function that returns the risk measure (k,) of values (k, n)."""
 
-PENALTY = 10.0
-"""Weight C of a violated constraint in the merit. The penalty is exact as long as no multiplier exceeds C.
-SLSQP has one excess for all constraints; there it is exact as long as the sum of the multipliers does not
-exceed C."""
-_OPTIMISERS: dict[str, Callable[[Any], optax.GradientTransformation]] = {
-    "adam": partial(optax.adam, b1=0.8, b2=0.95),
-    "rmsprop": partial(optax.rmsprop, decay=0.95),
-}
-"""Optimisers with a name, as functions of a schedule of step sizes."""
-_FIRST, _LAST = 0.06, 0.02
-"""First step of these optimisers in shares of the bounds, and the ratio of the last step to the first."""
-_WIDTHS = (1e-1, 1e-4)
-"""First and last width of the smoothing, in units of the merit."""
-_SHARPER = 0.1
-"""Ratio of the width of the penalty to the width of the measure. The penalty is sharper, because hundreds of
-inactive limits could add up."""
-_FAR = 10.0
-"""Amount by which a function that is not finite exceeds the largest value at the start."""
-_ROUNDING = 1e-9
-AT_BOUND = 1e-4
-"""Distance from a bound, in shares of the bounds, below which a design is at the bound."""
-
 
 class SearchStatus(enum.Enum):
-    """How one descent ended, including its finish. The value is a sentence of the report."""
+    """How one descent ended. The value is a sentence of the report."""
 
     rests = "found designs that settle at rest, and increased the uplift margin as far as possible"
     converged = "reached a minimum of the risk"
     at_bound = "reached the edge of the design space"
     at_limit = "reached a limit"
     steps_exhausted = "still improved when the steps ran out"
-    contradicted = "ended on an orbit that the exact solution does not confirm"
     infeasible = "found no design within the limits"
 
 
@@ -109,9 +77,9 @@ class Search:
     paths: tuple[np.ndarray, ...]
     """Designs along each descent, each (steps, 3)."""
     ends: np.ndarray
-    """Best design of each descent after the finish, (searches, 3)."""
+    """Best design of each descent, (searches, 3)."""
     end_values: np.ndarray
-    """Risk of each end; infinite if a limit is broken or the exact solution contradicts the descent."""
+    """Risk of each end by the exact orbits; infinite if a limit is broken."""
     order: np.ndarray
     """Indices of all ends, best first."""
     statuses: tuple[SearchStatus, ...]
@@ -124,59 +92,49 @@ class Search:
     replaced them."""
     evaluations: int
     """Number of designs that were evaluated, including the screening."""
-    descended: float
-    """Smallest risk after the descents, plus the penalty of a broken limit."""
-    finished: float
-    """Smallest risk after the finish, plus the penalty of a broken limit."""
     description: str
     """Words for the number of designs from which the search started."""
-
-    @property
-    def confirmed(self) -> np.ndarray:
-        """Ends that the exact solution does not contradict, best first, (k, 3)."""
-        sound = np.array([status is not SearchStatus.contradicted for status in self.statuses], dtype=bool)
-        return self.ends[self.order[sound[self.order]]]
-
-    @property
-    def message(self) -> str:
-        """Sentence on the descents and the finish."""
-        if not np.isfinite(self.descended):
-            return "The descents found no design with a finite settled tilt."
-        first, last = compared(self.descended, self.finished, 1, percent)
-        tilt = (
-            f"The settled tilt that the search minimises is {first} of the toppling tilt after the descents"
-        )
-        # A block that rests has no tilt. The search then minimises minus the margin against uplift.
-        rests = "; a negative number is the margin of a block at rest" if self.finished <= 0.0 else ""
-        if not self.finished < self.descended:
-            return f"{tilt}, and the finish does not lower it{rests}."
-        return f"{tilt}, and {last} after the finish{rests}."
+    angles: AngleFactors = field(default_factory=AngleFactors)
+    """Factors on the angles of orbits in the limits, after the last correction."""
+    corrected: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    """Best designs before and after each correction of the limits by runs, (k, 3)."""
 
 
-def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | None = None) -> Search:
-    """Screen designs, descend from the best of them, and finish the best results.
+def search(
+    orbits: Orbits,
+    settings: Descent,
+    seed: int,
+    progress: Progress | None = None,
+    guess: np.ndarray | None = None,
+) -> Search:
+    """Screen designs, and descend from the best of them.
 
     Args:
         orbits: the objective under all conditions, with limits and bounds.
         settings: number of designs of each stage, and the optimiser.
         seed: seed of the screened designs.
         progress: function of (stage, done, total).
+        guess: design (3,) from which a descent starts in addition; None for none.
 
     Raises:
         ValueError: the values of a user's objective are not of order one.
     """
     report, risk, space = progress or unreported, orbits.risk, orbits.space
-    cap = risk.cap(len(orbits.conditions))
+    # Closed forms are cheap, so hundreds of designs show where a descent is worth its steps.
     # Screening.
     designs = screened_designs(orbits, max(settings.screening, settings.searches), seed)
+    if guess is not None:
+        designs = np.concatenate([guess[None], designs])
     e = orbits.evaluate(designs, partial(report, "screening"))
     _check_size(orbits, e)
     local = orbits.linearised(e)
     # Designs slightly beyond a limit stay in the order, because a descent leads them back inside.
     excess = np.maximum(local.limit, 0.0).sum(axis=1)
     screened_value = orbits.value(e) + excess
+    # The first guess is always a start, because it is often near the best design.
     # The number of starts is smaller than `searches` if screened designs coincide.
-    chosen = best_apart(space.scaled(designs), screened_value, settings.searches)
+    order = screened_value if guess is None else np.r_[-np.inf, screened_value[1:]]
+    chosen = best_apart(space.scaled(designs), order, settings.searches)
 
     # Descents.
     starts, at_starts, evaluate, walk = space.scaled(designs[chosen]), local.at(chosen), orbits.at, None
@@ -184,59 +142,42 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         # The smoothed model follows an orbit from step to step, so that it needs the orbits of the starts.
         walk = SmoothedOrbits(orbits, settings.model, e.at(chosen))
         evaluate = walk.at
-    stages = settings.steps + settings.finish
+    cap, total, steps = risk.cap(len(orbits.conditions)), settings.steps + settings.polish, settings.steps
     descents = descend(
-        transformation(settings),
+        settings.optimiser,
         evaluate,
         starts,
         at_starts,
         cap,
         risk.of,
-        steps=settings.steps,
-        after=lambda step, _: report("searching", step, stages),
+        steps=steps,
+        after=lambda step, _: report("searching", step, total),
     )
+    # Smoothing moves an active limit a little, so a design on it could exceed the exact one.
+    # The exact orbits confirm the ends, and the last steps use their gradients.
     exact = orbits.at(descents.x)
-    mismatch = _mismatch(descents.local, exact)
-    x, merit = descents.x.copy(), merit_of(exact, risk.of)
-    descended = float(merit.min())
-
-    # Finish. Two ends that lie close together would reach the same minimum, so only one of them is refined.
-    best = first_apart(x, np.argsort(merit, kind="stable"), settings.finish, _FINISHED_APART)
-    converged, spent = np.zeros(len(x), bool), 0
-    for i, row in enumerate(best):
-        refined = finish(orbits.at, x[row], exact.at(slice(row, row + 1)), cap, risk.of)
-        x[row], converged[row], spent = refined.x, refined.converged, spent + refined.evaluations
-        # The finish has evaluated its result already: store its functions and constraints.
-        for part, new in zip(exact, refined.local, strict=True):
-            part[row] = new[0]
-        report("searching", settings.steps + i + 1, stages)
-    merit = merit_of(exact, risk.of)
-    # A descent may end on an orbit of the smoothed model that the exact equations do not have. The finish
-    # uses exact orbits, so that its results cannot be contradicted.
-    contradicted = mismatch[:, 0] > settings.tolerance
-    contradicted[best] = False
-    statuses = tuple(
-        _status(x[i], exact.at(slice(i, i + 1)), bool(contradicted[i]), bool(converged[i]))
-        for i in range(len(x))
+    mismatch, before, converged = _mismatch(descents.local, exact), descents.path, descents.converged
+    descents = polish(
+        orbits, descents.x, exact, settings.polish, lambda step, _: report("searching", steps + step, total)
     )
+    x, exact, merit = descents.x, descents.local, descents.merit
+    # Without further steps the descents on the model show whether they converged.
+    converged = descents.converged if settings.polish else converged
+    statuses = tuple(_status(x[i], exact.at(slice(i, i + 1)), bool(converged[i])) for i in range(len(x)))
     kept = (exact.limit.max(axis=1, initial=-1.0) <= BACK_OFF) & np.isfinite(merit)
-    # The values are exact: even if the exact solution contradicts all descents, these ends are the best
-    # designs that the search has evaluated.
-    values = np.where(kept & ~(contradicted & ~contradicted.all()), risk.of(exact.value), np.inf)
+    values = np.where(kept, risk.of(exact.value), np.inf)
     return Search(
         screened=designs,
         screened_value=screened_value,
         screened_feasible=excess == 0.0,
-        paths=tuple(space.unscaled(descents.path[:, i]) for i in range(len(x))),
+        paths=tuple(np.moveaxis(space.unscaled(np.concatenate([before, descents.path[1:]])), 1, 0)),
         ends=space.unscaled(x),
         end_values=values,
         order=np.lexsort((merit, values)),
         statuses=statuses,
         mismatch=mismatch,
         stopped=np.zeros(len(x), int) if walk is None else walk.stopped,
-        evaluations=len(designs) + settings.steps * len(x) + spent,
-        descended=descended,
-        finished=float(merit.min()),
+        evaluations=len(designs) + total * len(x),
         description=f"{settings.searches} designs",
     )
 
@@ -255,9 +196,10 @@ def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
 def _check_size(orbits: Orbits, e: Evaluation) -> None:
     """Raise `ValueError` if the values of an objective are not comparable with the values of rest."""
     value = e.merit[e.kind <= NEAR]
-    if len(value) and not np.any((value >= 0.0) & (value <= 1.0)):
+    # The factor of `Settling` is above 1 under some conditions, although the orbit attracts.
+    if len(value) and not np.any((value >= 0.0) & (value <= _LARGEST)):
         raise ValueError(
-            f"`values` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
+            f"`size` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
             f"but are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
         )
 
@@ -271,11 +213,9 @@ def _mismatch(model: Linearisation, exact: Linearisation) -> np.ndarray:
     return np.stack([apart.max(axis=1), change.max(axis=(1, 2))], axis=1)
 
 
-def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: bool) -> SearchStatus:
+def _status(x: np.ndarray, at: Linearisation, converged: bool) -> SearchStatus:
     """Return how one search ended, from its best design `x` and the linearisation there."""
     most = at.limit.max(initial=-1.0) - BACK_OFF
-    if contradicted:
-        return SearchStatus.contradicted
     if not np.isfinite(at.value).all() or most > 0.0:
         return SearchStatus.infeasible
     if not converged:
@@ -287,6 +227,12 @@ def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: boo
         return SearchStatus.rests
     inside = (x > AT_BOUND) & (x < 1.0 - AT_BOUND)
     return SearchStatus.converged if inside.all() else SearchStatus.at_bound
+
+
+def polish(orbits: Orbits, x: np.ndarray, at: Linearisation, steps: int, after: Count = unreported) -> Ends:
+    """Continue descents from designs (m, d) with their exact linearisation, on the exact orbits."""
+    cap, risk = orbits.risk.cap(len(orbits.conditions)), orbits.risk.of
+    return descend("newton", orbits.at, x, at, cap, risk, steps=steps, widths=NARROW, after=after)
 
 
 def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -312,12 +258,16 @@ class Ends(NamedTuple):
     """Risk measure plus penalty, (m,)."""
     path: np.ndarray
     """Best designs before the first step and after every step, (steps + 1, m, d)."""
+    merits: np.ndarray
+    """Their merits, (steps + 1, m)."""
 
-    @staticmethod
-    def begun(x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
-        """Return the starts as the best designs before the first step."""
-        merit = merit_of(local, risk)
-        return Ends(x, local, merit, x[None])
+    @property
+    def converged(self) -> np.ndarray:
+        """Whether the merit of each descent hardly changed over the last quarter of the steps, (m,)."""
+        # One step that was taken back is no sign of convergence, so a few steps are the least.
+        last = max(_FEW, len(self.merits) // 4)
+        before = self.merits[max(-1 - last, -len(self.merits))]
+        return np.isfinite(before) & (before - self.merit <= _STILL * np.maximum(np.abs(self.merit), _STILL))
 
     def after(self, x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
         """Return the best designs after one more design (m, d) of each descent."""
@@ -327,7 +277,8 @@ class Ends(NamedTuple):
         flags = (better.reshape(-1, *(1,) * (part.ndim - 1)) for part in local)
         local = Linearisation(*map(np.where, flags, local, self.local))
         x, merit = np.where(better[:, None], x, self.x), np.where(better, merit, self.merit)
-        return Ends(x, local, merit, np.concatenate([self.path, x[None]]))
+        path = np.concatenate([self.path, x[None]])
+        return Ends(x, local, merit, path, np.concatenate([self.merits, merit[None]]))
 
 
 def merit_of(at: Linearisation, risk: Measure) -> np.ndarray:
@@ -335,18 +286,29 @@ def merit_of(at: Linearisation, risk: Measure) -> np.ndarray:
     return risk(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
 
 
-def transformation(settings: Descent) -> optax.GradientTransformation:
-    """Return the optimiser of the settings. An optimiser with a name gets a schedule of decreasing steps."""
-    if not isinstance(settings.optimiser, str):
-        return cast(optax.GradientTransformation, settings.optimiser)
-    schedule = optax.cosine_decay_schedule(_FIRST, settings.steps, alpha=_LAST)
-    return _OPTIMISERS[settings.optimiser](schedule)
+def transformation(
+    optimiser: Any, cap: float, steps: int, widths: tuple[float, float] = WIDE
+) -> optax.GradientTransformationExtraArgs:
+    """Return the transformation of optax for a name, or the transformation itself, for m designs at once."""
+    if optimiser == "newton":
+        return newton(cap, steps, widths)
+    if optimiser == "adam":
+        schedule = optax.cosine_decay_schedule(_FIRST, steps, alpha=_LAST)
+        optimiser = optax.adam(schedule, b1=0.8, b2=0.95)
+    # An optimiser of optax acts on one design: here it gets an axis for the descents.
+    init, update = (jax.jit(jax.vmap(part)) for part in optimiser)
+
+    def from_gradients(updates: Any, state: Any, params: Any = None, **_: Any) -> Any:
+        # The functions are not necessary.
+        return update(updates, state, params)
+
+    return optax.GradientTransformationExtraArgs(init, from_gradients)
 
 
 # The optimisers of optax multiply integers and floats.
 @jax.numpy_dtype_promotion("standard")
 def descend(
-    optimiser: optax.GradientTransformation,
+    optimiser: Any,
     evaluate: Evaluate,
     starts: np.ndarray,
     local: Linearisation,
@@ -354,156 +316,35 @@ def descend(
     risk: Measure,
     *,
     steps: int,
+    widths: tuple[float, float] = WIDE,
     after: Count = unreported,
 ) -> Ends:
     """Descend from all starts (m, d) by an optimiser of optax. Every step evaluates one design of each
     descent.
 
     Args:
-        optimiser: transformation of optax, with steps in shares of the bounds.
+        optimiser: name, or transformation of optax with steps in shares of the bounds.
         evaluate: function that returns values and constraints at the next designs, (m, d).
         starts: designs within the bounds 0 and 1.
         local: functions and constraints at the starts.
         cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
         risk: the risk measure of values (m, n), without smoothing.
         steps: number of steps.
+        widths: first and last width of the smoothing of the risk measure.
         after: function of (steps done, total).
     """
-
-    @jax.jit
-    @jax.vmap
-    def onward(slope: Array, state: Any, u: Array) -> tuple[Array, Any]:
-        updates, state = optimiser.update(slope, state, u)
-        return jnp.clip(jnp.asarray(optax.apply_updates(u, updates)), 0.0, 1.0), state
-
-    u, ends, state = starts, Ends.begun(starts, local, risk), jax.jit(jax.vmap(optimiser.init))(starts)
-    # A wide smoothing first gives a useful direction. A narrow one at the end gives the value itself.
-    for step, width in enumerate(np.geomspace(*_WIDTHS, max(steps, 2))[:steps]):
-        value, slope = smoothed_merit(local, cap, float(width))
-        stepped, state = onward(slope, state, u)
+    # All descents make their steps together, because one evaluation serves all of them.
+    method = transformation(optimiser, cap, steps, widths)
+    u, state = starts, method.init(starts)
+    merit = merit_of(local, risk)
+    ends = Ends(starts, local, merit, starts[None], merit[None])
+    for step in range(steps):
+        here = smoothed(local, cap, width_at(step, steps, widths))
+        updates, state = method.update(here.slope, state, u, at=local)
         # A descent whose value is infinite has no slope: it returns half the way to its best design.
-        u = np.where(np.isfinite(value)[:, None], np.asarray(stepped), 0.5 * (u + ends.x))
+        to = np.where(np.isfinite(here.value)[:, None], u + np.asarray(updates), 0.5 * (u + ends.x))
+        u = np.clip(to, 0.0, 1.0)
         local = evaluate(u)
         ends = ends.after(u, local, risk)
         after(step + 1, steps)
     return ends
-
-
-def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the smoothed merit (m,) and its slopes (m, d). A design with an infinite value has an infinite
-    merit and slopes of zero."""
-    is_finite = np.all(np.isfinite(at.value), axis=1)
-    at = at._replace(value=np.where(is_finite[:, None], at.value, 0.0))
-    # Find by bisection the level s of the smoothed measure at which the weights sum to one.
-    low = at.value.min(axis=1) - 40.0 * width
-    high = at.value.max(axis=1) + width * np.log(at.value.shape[1] + 1.0)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        over = cap * np.sum(_sigmoid((at.value - middle[:, None]) / width), axis=1) < 1.0
-        low, high = np.where(over, low, middle), np.where(over, middle, high)
-    level = 0.5 * (low + high)
-    above = (at.value - level[:, None]) / width
-    value = level + cap * width * np.sum(np.logaddexp(0.0, above), axis=1)
-    over = at.limit / (_SHARPER * width)
-    value = value + PENALTY * _SHARPER * width * np.sum(np.logaddexp(0.0, over), axis=1)
-    slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
-    slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
-    return np.where(is_finite, value, np.inf), np.where(is_finite[:, None], slope, 0.0)
-
-
-def _sigmoid(x: np.ndarray) -> np.ndarray:
-    return 0.5 * (1.0 + np.tanh(0.5 * x))
-
-
-class Finish(NamedTuple):
-    """Result of SLSQP from the end of one descent."""
-
-    x: np.ndarray
-    """Best design in shares of the bounds, (d,)."""
-    local: Linearisation
-    """Functions and constraints at this design."""
-    evaluations: int
-    """Number of designs that were evaluated."""
-    converged: bool
-    """Whether SLSQP reached its tolerance."""
-
-
-def finish(
-    evaluate: Evaluate,
-    start: np.ndarray,
-    local: Linearisation,
-    cap: float,
-    risk: Measure,
-    *,
-    steps: int = 40,
-    tolerance: float = 1e-6,
-) -> Finish:
-    """Find the local minimum next to one design (d,) by SLSQP in the variables z = (x, s, t, v).
-
-    Args:
-        evaluate, cap, risk: as for `descend`.
-        start: design within the bounds 0 and 1.
-        local: functions and constraints at this design.
-        steps: largest number of steps.
-        tolerance: smallest gain of the merit; a smaller gain ends the search.
-    """
-    ends = Ends.begun(start[None], local, risk)
-    # A start that is not finite has no derivative that leads to a better design.
-    if not np.isfinite(ends.merit[0]):
-        return Finish(start, local, 0, False)
-
-    def first(local: Linearisation) -> Linearisation:
-        one = Linearisation(*(part[0] for part in local))
-        if cap * len(one.value) > 1.0 + _ROUNDING:
-            return one
-        # The mean over all conditions is one smooth function, so that one row replaces n rows.
-        return one._replace(value=one.value.mean(keepdims=True), slope=one.slope.mean(axis=0)[None])
-
-    here = first(local)
-    d, n = len(start), len(here.value)
-    # The maximum needs no excesses v: no value may exceed the level.
-    k = n if cap < 1.0 and n > 1 else 0
-    far, last = here.value.max() + _FAR, (start, here)
-
-    def at(z: np.ndarray) -> Linearisation:
-        # SLSQP reads values and slopes of one design in separate calls, so keep the last evaluation. Rounding
-        # may also take the design slightly out of its bounds.
-        nonlocal last, ends
-        x = np.clip(z[:d], 0.0, 1.0)
-        if not np.array_equal(x, last[0]):
-            evaluated = evaluate(x[None])
-            last, ends = (x, first(evaluated)), ends.after(x[None], evaluated, risk)
-        return last[1]
-
-    def slack(z: np.ndarray) -> np.ndarray:
-        now = at(z)
-        # SLSQP cannot handle infinite values: a large finite value keeps the line search away from such
-        # designs.
-        value = np.where(np.isfinite(now.value), now.value, far)
-        return np.r_[z[d] - value + (z[d + 2 :] if k else 0.0), z[d + 1] - now.limit]
-
-    def slopes(z: np.ndarray) -> np.ndarray:
-        now = at(z)
-        rows = np.vstack([np.where(np.isfinite(now.slope), now.slope, 0.0), now.limit_slope])
-        # The first n rows belong to the level s, each with its own excess v. The other rows belong to the
-        # common excess t.
-        level = (np.arange(len(rows)) < n).astype(float)[:, None]
-        return np.hstack([-rows, level, 1.0 - level, np.eye(len(rows), k)])
-
-    # Start with the level above which the worst share of the values lies, and with the excesses over this
-    # level.
-    level = np.sort(here.value)[::-1][min(int(1.0 / cap), n - 1) if k else 0]
-    over = np.maximum(here.value - level, 0.0)[:k]
-    cost = np.r_[np.zeros(d), 1.0, PENALTY, np.full(k, cap)]
-    low = np.r_[np.zeros(d), -np.inf, np.zeros(1 + k)]
-    # The cost s + C t + cap sum v is linear in z: only the constraints depend on the design.
-    minimum = minimize(
-        lambda z: float(cost @ z),
-        np.r_[start, level, here.limit.max(initial=0.0), over],
-        jac=lambda _: cost,
-        bounds=Bounds(low, np.r_[np.ones(d), np.full(2 + k, np.inf)]),
-        constraints={"type": "ineq", "fun": slack, "jac": slopes},
-        method="SLSQP",
-        options={"maxiter": steps, "ftol": tolerance},
-    )
-    return Finish(ends.x[0], ends.local, len(ends.path) - 1, bool(minimum.success))

@@ -15,7 +15,7 @@ VALIDATION_RUNS = 2048
 reported."""
 MODELS = ("smoothed", "piecewise")
 """Names of the models that a descent can use."""
-OPTIMISERS = ("adam", "rmsprop")
+OPTIMISERS = ("newton", "adam")
 """Names of the optimisers of optax that can be chosen by name."""
 
 
@@ -24,10 +24,10 @@ OPTIMISERS = ("adam", "rmsprop")
 class Descent:
     """Settings of the search under harmonic excitation.
 
-    Optax descends on gradients of a smoothed model. SciPy's SLSQP then refines the best results with exact
-    gradients. By default smooth functions replace friction and impacts, diffrax integrates the equations
-    (25), and each step improves the design and its orbit together (see `tpd.design.orbits`). The descents
-    come near the optimum. A few steps of SLSQP then reach it.
+    Optax descends on gradients of a smoothed model. By default smooth functions replace friction and impacts,
+    diffrax integrates the equations (25), and each step improves the design and its orbit together (see
+    `tpd.design.orbits`). The exact orbits confirm every result. Runs then show how far the bob swings during
+    transients, and the descents continue with limits that allow for it.
 
     Raises:
         ValueError: a count is out of range, the optimiser needs more than gradients, or the model is unknown.
@@ -35,32 +35,32 @@ class Descent:
     Example:
         >>> import tpd
         >>> method = tpd.Descent(searches=4, steps=10)
-        >>> method.optimiser, method.finish
-        ('adam', 4)
+        >>> method.optimiser, method.corrections
+        ('newton', 4)
     """
 
-    optimiser: str | object = "adam"
-    """Optimiser: adam, rmsprop, or in Python a transformation of optax with steps in shares of the bounds."""
+    optimiser: str | object = "newton"
+    """Optimiser: newton (`tpd.design.newton`, which also uses the curvature of the worst case), adam, or in
+    Python a transformation of optax with steps in shares of the bounds."""
     model: str | object = field(default=None, kw_only=True)
     """Model that gives the gradients of the descents: "smoothed" or `Smoothed(...)` follows the symmetric
     orbits with smoothed signs and impacts; "piecewise" or `Piecewise()` solves these orbits exactly, with
     exact gradients. Default: smoothed, or piecewise if impacts lose much energy."""
-    searches: checks.Whole = field(default=8, kw_only=True)
-    """Number of designs from which a descent starts."""
-    screening: checks.Whole = field(default=512, kw_only=True)
+    searches: checks.Whole = field(default=4, kw_only=True)
+    """Number of designs from which a descent starts. One of them is the first guess."""
+    screening: checks.Whole = field(default=256, kw_only=True)
     """Number of designs that are evaluated before the descents, to choose where the descents start."""
-    steps: checks.Whole = field(default=20, kw_only=True)
+    steps: checks.Whole = field(default=40, kw_only=True)
     """Number of steps of each descent."""
-    finish: checks.Whole = field(default=4, kw_only=True)
-    """Number of descents whose results SLSQP refines with exact gradients; 0 for none."""
-    tolerance: checks.Real = field(default=0.01, kw_only=True)
-    """Largest relative difference between the tilts of the model and of the exact solution. A result of a
-    descent with a larger difference is rejected, unless SLSQP has refined it."""
+    corrections: checks.Whole = field(default=4, kw_only=True)
+    """Number of times that runs correct the angles of the bob in the limits, after which the best descents
+    continue; 0 for none."""
+    polish: checks.Whole = field(default=40, kw_only=True)
+    """Number of further steps on the exact orbits, from the end of each descent."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "searches screening steps")
-        checks.set_checked(self, checks.count, "finish", 0)
-        checks.set_checked(self, checks.tolerance, "tolerance")
+        checks.set_checked(self, checks.count, "corrections polish", 0)
         # Names are checked without an import of optax, which takes a second.
         if isinstance(self.optimiser, str):
             checks.one_of("optimiser", self.optimiser, OPTIMISERS)

@@ -30,9 +30,9 @@ class Evaluation(NamedTuple):
 
     merit: np.ndarray
     """Quantity that the search minimises. Where the block rocks it is the value of the objective, by default
-    the tilt over nu. Where the block rests it is minus the uplift margin, so a resting design is better
-    than any rocking one. Where no motion attracts it is above 1. All merits have derivatives except those of
-    orbits near a fold."""
+    what remains of a disturbance. Where the block rests it is minus the uplift margin, so a resting design is
+    better than any rocking one. Where the orbit does not attract it is the value plus 1, and above 2 where
+    there is no orbit. All merits have derivatives except those of orbits near a fold."""
     merit_slope: np.ndarray
     """Derivatives of the merit."""
     tilt: np.ndarray
@@ -52,6 +52,10 @@ class Evaluation(NamedTuple):
     `Margins`; 1 at rest."""
     reserve_slope: np.ndarray
     """Derivatives of the reserve."""
+    remaining: np.ndarray
+    """Factor per period by which a disturbance of the block falls, see `limits.Settling`; 0 at rest."""
+    remaining_slope: np.ndarray
+    """Derivatives of this factor."""
     kind: np.ndarray
     """Kind of motion, an index into `MOTION_KINDS`."""
     turn: np.ndarray
@@ -68,7 +72,7 @@ class Evaluation(NamedTuple):
         one, slope = np.ones((m, n)), np.zeros((m, n, 3))
         kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
         sizes = one, slope, one, slope, one, slope
-        return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
+        return Evaluation(*sizes, one, one, one, slope, one, slope, kind, turn, np.ones((m, 3)))
 
     @property
     def attracts(self) -> np.ndarray:
@@ -97,11 +101,17 @@ _NUMBERS = [x.name for x in fields(Geometry) if x.name != "bob"]
 
 
 def evaluate_sizes(
-    functions: Iterable[Limit | Objective], e: Evaluation, g: Geometry, *, slopes: bool = False
+    functions: Iterable[Limit | Objective],
+    e: Evaluation,
+    g: Geometry,
+    *,
+    slopes: bool = False,
+    factors: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> list[Size]:
     """Return the sizes of limits or objectives for m designs under n conditions.
 
-    Without `slopes` all derivatives are zero.
+    Without `slopes` all derivatives are zero. `factors` multiply the angles of the motion: factors (m, k) for
+    k functions, and their derivatives with respect to the design, (m, k, 3); by default all are one.
 
     Raises:
         ValueError: a function cannot be traced by JAX, or does not return one number.
@@ -115,17 +125,20 @@ def evaluate_sizes(
     angle, turning = e.rod_angle, none
     if angle is None:
         angle, turning = e.swing + e.tilt * nu, e.swing_slope + e.tilt_slope * nu[:, None]
-    motion = Motion(e.tilt, e.swing, angle, e.margin, e.multiplier, e.reserve)
-    moves = Motion(e.tilt_slope, e.swing_slope, turning, none, none, e.reserve_slope)
+    motion = Motion(e.tilt, e.swing, angle, e.margin, e.multiplier, e.reserve, e.remaining)
+    moves = Motion(e.tilt_slope, e.swing_slope, turning, none, none, e.reserve_slope, e.remaining_slope)
     design = Ratios(*(np.broadcast_to(x[:, None], (m, n)) for x in e.design.T))
     numbers = [np.broadcast_to(getattr(g, name), (m, n)) for name in _NUMBERS]
-    batch = [motion, design, numbers, *([moves] if slopes else [])]
+    k = len(functions)
+    by, moved = factors or (np.ones((m, k)), np.zeros((m, k, 3)))
+    by, moved = (np.broadcast_to(x[:, None], (m, n, *x.shape[1:])) for x in (by, moved))
+    batch = [motion, design, numbers, by, *([moves, moved] if slopes else [])]
     # Without a pair, a pair of ones gives the names of the sizes.
     count, one = m * n, max(m * n, 1)
     flat = jax.tree.map(lambda x: np.resize(x if count else 1.0, (one, *x.shape[2:])), batch)
     evaluate = _sizes_of(functions, g.bob, slopes)
     try:
-        values, by = in_chunks(evaluate, flat)
+        values, along = in_chunks(evaluate, flat)
     except (TypeError, ValueError, jax.errors.JAXTypeError) as error:
         names, why = ", ".join(f.name for f in functions), str(error).splitlines()[0]
         raise ValueError(
@@ -138,7 +151,7 @@ def evaluate_sizes(
         if np.isnan(x[:count][is_motion]).any():
             raise ValueError(f"`size` of {name} must be a number for every motion, but is NaN for some")
     # A derivative that does not exist shows no direction.
-    finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
+    finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in along.items()}
     return [Size(name, x[:count].reshape(m, n), finite.get(name, none)) for name, x in values.items()]
 
 
@@ -146,16 +159,22 @@ def evaluate_sizes(
 def _sizes_of(functions: tuple[Limit | Objective, ...], bob: Bob, slopes: bool) -> Callable[[Any], Any]:
     """Return a function of one motion, for `in_chunks`: all sizes by their names, and their derivatives."""
 
-    def sizes(motion: Motion, design: Ratios, numbers: Any) -> OrderedDict[str, Any]:
+    def sizes(motion: Motion, design: Ratios, numbers: Any, factors: Any) -> OrderedDict[str, Any]:
         geometry = Geometry(**dict(zip(_NUMBERS, numbers, strict=True)), bob=bob)
-        every = (f.sizes(motion, design, geometry) for f in functions)
+        angles = motion.tilt, motion.swing, motion.rod_angle
+        # Only the angles grow in transients. Margins and stability are those of the orbit.
+        larger = [Motion(*(x * factor for x in angles), *motion[len(angles) :]) for factor in factors]
+        every = (f.sizes(x, design, geometry) for f, x in zip(functions, larger, strict=True))
         # JAX keeps the order of this class only. A plain number is a constant, without a derivative.
         return OrderedDict((n, jnp.asarray(x, float).reshape(())) for one in every for n, x in one.items())
 
-    def with_slopes(motion: Motion, design: Ratios, numbers: Any, moves: Motion) -> Any:
-        def along(move: Motion, axis: Any) -> Any:
-            return jax.jvp(lambda m, d: sizes(m, d, numbers), (motion, design), (move, Ratios(*axis)))
+    def with_slopes(
+        motion: Motion, design: Ratios, numbers: Any, factors: Any, moves: Motion, moved: Any
+    ) -> Any:
+        def along(move: Motion, axis: Any, change: Any) -> Any:
+            tangents = move, Ratios(*axis), change
+            return jax.jvp(lambda m, d, f: sizes(m, d, numbers, f), (motion, design, factors), tangents)
 
-        return jax.vmap(along, in_axes=-1, out_axes=(None, -1))(moves, jnp.eye(3))
+        return jax.vmap(along, in_axes=-1, out_axes=(None, -1))(moves, jnp.eye(3), moved)
 
     return lambda batch: with_slopes(*batch) if slopes else (sizes(*batch), {})

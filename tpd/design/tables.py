@@ -163,7 +163,8 @@ _ALONE = Need("a single motion (no band, no amplitudes and no scatter)", lambda 
 _SEVERAL = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _BAND = Need("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"]))
 _WIDTH = Need("a width in [scatter]", lambda full: bool(widths_of(full)))
-_CVAR = Need("`search.risk` cvar", _is("search", "risk", "cvar"))
+_IS_CVAR = _is("search", "risk", "cvar")
+_CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _SEVERAL.holds(full))
 _TWO_MASSES = Need(
     "two bounds for the mass, `space.mass` or `space.mass_ratio`",
     lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
@@ -251,13 +252,16 @@ class _Starts(msgspec.Struct):
 
 
 class _Search(msgspec.Struct):
+    objective: Annotated[Literal["settling", "steady tilt"], Key("WORD", _HARMONIC)] = "settling"
+    """Quantity that the descents reduce: settling (what remains of a disturbance after a few periods), or
+    steady tilt (the objective of the paper, which says little about overturning)."""
     risk: Annotated[
         Literal["worst", "expected", "cvar"],
         Key("WORD", (), _SEVERAL, defaults={"pulse": "expected", "records": "expected"}),
-    ] = "worst"
+    ] = "cvar"
     """Risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under a
-    harmonic motion only the descents use it; under pulses and records the trial runs compare designs by it
-    (default expected)."""
+    harmonic motion the descents use it (default cvar); under pulses and records the trial runs compare
+    designs by it (default expected)."""
     risk_share: Annotated[float, Key(need=_CVAR)] = inspect.signature(Risk.cvar).parameters["share"].default
     """Share of the conditions that the measure cvar uses."""
     seed: Annotated[int, Key("N")] = 0

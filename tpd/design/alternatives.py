@@ -1,0 +1,88 @@
+"""Measures that keep a block on its base without a pendulum, by static estimates."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.core.formatting import number
+from tpd.design.ground_motion import PERIODS
+from tpd.design.problem import Problem
+
+_WIDEST = 2.0
+"""Largest width of a base that is an alternative, over the width of the block. A coefficient of friction
+above 1 is no alternative either."""
+
+
+class Alternatives(NamedTuple):
+    """Estimates of what keeps the block on its base without a pendulum, from statics of a rigid block."""
+
+    tie: float
+    """Horizontal force (N) of a tie at the top of the block. The tie supplies the moment that the weight
+    lacks: M g (f - nu - k)/2 for a block of height 2 b, from (5) with the largest acceleration f."""
+    width: float
+    """Width of the base (m) with which the excitation does not lift the block: (f - k) times the height."""
+    friction: float
+    """Coefficient of friction with which the wider base does not slide: f."""
+    present: float
+    """Width of the block (m)."""
+    periods: np.ndarray
+    """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
+    motion at its strongest level. Under ground motions it is the period from which on the response spectrum
+    stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic of period T it is
+    T sqrt(1 + f/(nu + k)), for the lowest frequency only."""
+    damping: float
+    """Damping ratio of the isolation: 0.05 under ground motions, 0 under a harmonic."""
+    acceleration: float
+    """Acceleration (m/s^2) that lifts the block."""
+
+    @property
+    def isolation(self) -> float:
+        """Largest of `periods`."""
+        return float(np.max(self.periods))
+
+    def displacement(self, period: float) -> float:
+        """Return the displacement (m) of the isolated block relative to the ground, which is the spectral
+        displacement at one of `periods`."""
+        return self.acceleration * (period / (2.0 * math.pi)) ** 2
+
+    def _isolation(self, period: float) -> str:
+        if not math.isfinite(period):
+            return f"more than {PERIODS[1]:g} s"
+        return f"at least {_at_least(period)} s (displacement {_at_least(self.displacement(period))} m)"
+
+    def __str__(self) -> str:
+        force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
+        friction = f"with a coefficient of friction of at least {_at_least(self.friction)}"
+        kind = f"a base isolation with {100.0 * self.damping:g} % damping and"
+        kind = kind if self.damping else "an undamped base isolation with"
+        isolation = f"{kind} a period of {self._isolation(self.isolation)}"
+        if (n := len(self.periods)) > 1:
+            isolation += (
+                f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
+            )
+        tie = f"a tie at the top for at least {force}"
+        if self.friction > 1.0 or self.width > _WIDEST * self.present:
+            return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
+        width = f"a base at least {_at_least(self.width)} m wide {friction}"
+        return f"{tie}, {width}, or {isolation} (static estimates)"
+
+
+def _at_least(x: float) -> str:
+    """Format a required value with two significant digits, rounded up."""
+    place = 10.0 ** (math.floor(math.log10(x)) - 1) if x > 0.0 else 1.0
+    # Rounding must not raise a value that already has two digits.
+    return number(math.ceil(x / place - 1e-9) * place, 2)
+
+
+def alternatives(problem: Problem) -> Alternatives:
+    """Estimate what keeps the block of a problem on its base without a pendulum."""
+    block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
+    lifts = alone.uplift * gravity
+    periods, damping = problem.isolation()
+    tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
+    # The block rocks on the same share of a wider base.
+    width = float(block.height) * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
+    return Alternatives(tie, width, alone.peak, float(block.width), periods, damping, lifts)
