@@ -77,7 +77,7 @@ def _wider(rows: Rows) -> tuple[str, bool]:
 
 
 def _best(rows: Rows) -> tuple[str, bool]:
-    ours = [r for r in stored.module("optima").summary(rows) if r["method"] == "optax and SLSQP finish"]
+    ours = [r for r in stored.module("optima").summary(rows) if r["method"] == "optax, Newton"]
     hits, seeds = (sum(r[k] for r in ours) for k in ("hits", "seeds"))
     return f"{hits} of {seeds}", hits == seeds
 

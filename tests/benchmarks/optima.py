@@ -1,4 +1,4 @@
-"""Compare descents of optax, with and without a finish, with derivative-free methods.
+"""Compare optimisers of optax with derivative-free methods.
 
 All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten
 times the excess over a limit. A design counts once, screening included; its slopes do not count.
@@ -15,22 +15,22 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "Does the gradient help, against derivative-free methods on the same function?"
-MEASURES = "models", "design/search", "design/orbits", "design/sizes", "design/settings"
+MEASURES = "models", "design/search", "design/newton", "design/orbits", "design/sizes", "design/settings"
 SEED, SEEDS = 0, 5
 """First seed, and number of seeds."""
 NEAR, BUDGET = 1e-3, 1000
 """Relative distance that counts as the best value; designs after which other methods do not restart."""
-OURS = {"screening": 32, "searches": 4, "steps": 20}
 METHODS = {
-    "optax and SLSQP finish": tpd.Descent(**OURS),
-    "optax alone": tpd.Descent(**(OURS | {"steps": 60, "finish": 0})),
+    "optax, Newton": tpd.Descent(screening=32, searches=4, steps=80),
+    "optax, Adam": tpd.Descent(optimiser="adam", screening=32, searches=4, steps=80),
 }
-"""Methods; both descend with smoothed signs from the same four designs of the screening."""
+"""Methods. Both descend with smoothed signs from the same four designs of the screening. The last steps are
+those of Newton's method on the exact orbits."""
 
 
 def problems() -> dict[str, Any]:
     """Return the problems by their names."""
-    from tpd.design.problem import Problem
+    from tpd.design.optimise import problem_of
 
     scene = tpd.paper_scene()
     slim = replace(scene, block=replace(scene.block, width=0.08, cavity_width=None))
@@ -46,7 +46,8 @@ def problems() -> dict[str, Any]:
         limits = tpd.limits.Stroke(swing), tpd.limits.Reserve()
         conditions = tpd.Conditions.band(of, *band)
         asked = {"conditions": conditions, "starts": starts, "risk": tpd.Risk.worst(), "limits": limits}
-        out[name] = Problem.of(of, space, **asked)
+        asked["objective"] = tpd.limits.SteadyTilt()
+        out[name] = problem_of(of, space, **asked)
     return out
 
 
@@ -73,26 +74,25 @@ class Ledger:
 
 
 def ours(problem: Any, seed: int, method: Any) -> list[float]:
-    """Return the best value after each design of the screening, the descents and the finish."""
+    """Return the best exact value after each design of the screening and of the descents."""
     from tpd.design.search import search
 
-    objective = problem.objective
+    objective = problem.orbits
     found = search(objective, replace(method, model=problem.method.model), seed)
     screened = Ledger(objective)
     screened(objective.space.scaled(found.screened))
     best = screened.path()
-    # The history has one value for all descents, and one for the finish of all ends.
-    descents = method.steps * len(found.ends)
-    best += [best[-1]] * (descents - 1) + [min(best[-1], found.descended)]
-    finish = found.evaluations - len(found.screened) - descents
-    return best + ([best[-1]] * (finish - 1) + [min(best[-1], found.finished)] if finish else [])
+    # A step evaluates one design of each descent. The paths have the best designs so far, the starts first.
+    for designs in np.stack(found.paths, axis=1)[1:]:
+        best += [best[-1]] * (len(designs) - 1) + [min(best[-1], *screened(objective.space.scaled(designs)))]
+    return best
 
 
 def simplex(problem: Any, seed: int) -> list[float]:
     """Return the same for the method of Nelder and Mead, restarted from random designs."""
     from scipy.optimize import minimize
 
-    ledger, rng = Ledger(problem.objective), np.random.default_rng([seed, 1])
+    ledger, rng = Ledger(problem.orbits), np.random.default_rng([seed, 1])
     while len(ledger.values) < BUDGET:
         corner = rng.random(3)
         first = np.concatenate([corner[None], corner + np.where(corner < 0.5, 0.25, -0.25) * np.eye(3)])
@@ -105,7 +105,7 @@ def adaptation(problem: Any, seed: int) -> list[float]:
     """Return the same for CMA-ES, restarted with twice the population."""
     import cma
 
-    ledger, rng, restarts = Ledger(problem.objective), np.random.default_rng([seed, 2]), 0
+    ledger, rng, restarts = Ledger(problem.orbits), np.random.default_rng([seed, 2]), 0
     while len(ledger.values) < BUDGET:
         options = {"bounds": [0.0, 1.0], "seed": 1 + 100 * seed + restarts, "popsize": 7 * 2**restarts}
         strategy = cma.CMAEvolutionStrategy(rng.random(3), 0.3, options | {"tolfun": 1e-6, "verbose": -9})
@@ -124,7 +124,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     ways |= {"Nelder-Mead, restarted": simplex, "CMA-ES, restarted": adaptation}
     rows, found = [], problems()
     for name in list(found)[: 1 if quick else None]:
-        ours(found[name], SEED, METHODS["optax and SLSQP finish"])
+        ours(found[name], SEED, METHODS["optax, Newton"])
         for method, way in list(ways.items())[:: 2 if quick else 1]:
             for seed in range(SEED, SEED + (1 if quick else SEEDS)):
                 begun = time.perf_counter()
