@@ -13,6 +13,7 @@ from tpd.answers.run_table import ANGLES, Runs
 from tpd.core.progress import unreported
 from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem
+from tpd.design.refine import refine
 from tpd.scene.conditions import Conditions
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.status import index_of
@@ -30,7 +31,7 @@ SMALL = {
     "conditions": Conditions.band(SCENE, 2.2, 2.8, 2),
     "limits": tpd.limits.POINT_BOB,
     "requirements": tpd.limits.Requirements(at_least=0.05, wall_contacts=0.05),
-    "method": tpd.Descent(searches=2, screening=32, steps=3, finish=1, model=tpd.Piecewise()),
+    "method": tpd.Descent(searches=2, screening=32, steps=3, corrections=1, polish=10, model=tpd.Piecewise()),
     "ensemble": Ensemble(size=96, periods=30),
 }
 """Settings of a search of a few seconds."""
@@ -83,7 +84,6 @@ class NoisyProblem(Problem):
     without a pendulum is 0.6. Most of the noise is common to all designs with the same seed."""
 
     attempts: ClassVar[int] = 3
-    further: ClassVar[int] = 32
     has_validation_runs: ClassVar[bool] = True
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
@@ -127,8 +127,13 @@ class NoisyProblem(Problem):
     def at_rest(self) -> AtRest:
         return AtRest.of(0.3, 0.0, 0.15 if self.calm else 0.6)
 
-    def candidates(self, progress):
-        return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None
+    def improver(self, guess, progress):
+        spread = self.candidates()
+        return refine(self, spread if guess is None else np.concatenate([guess[None], spread]), 32, progress)
+
+    def candidates(self) -> np.ndarray:
+        """Designs of the first trials."""
+        return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3)))
 
     def validation_runs(self, design, seed, progress=None):
         return self.runs(design, seed, "nonlinear")

@@ -28,7 +28,8 @@ DONE = " s of processor time"
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
     "tpd.answers.annual_rates": {"RESAMPLES": 50},
-    "tpd.design.harmonic": {"_COMPARED": 32, "_MORE_RUNS": 256, "_SPREAD": 32, "_DRAWN": 256},
+    "tpd.design.harmonic": {"_COMPARED": 32, "_MORE_RUNS": 256},
+    "tpd.design.corrections": {"_SPREAD": 8, "_DRAWN": 256},
 }
 """Sizes of a search that are no arguments, by module."""
 RUNS, RECORDS = 512, 2
@@ -47,7 +48,14 @@ def make_small() -> None:
             method = replace(method or tpd.GroundSearch(), designs=8, steps=2)
         else:
             # The smoothed descent compiles for half a minute: it has its own tests.
-            small = {"model": tpd.Piecewise(), "searches": 2, "screening": 32, "steps": 3, "finish": 1}
+            small = {
+                "model": tpd.Piecewise(),
+                "searches": 2,
+                "screening": 32,
+                "steps": 3,
+                "corrections": 1,
+                "polish": 10,
+            }
             method = replace(method or tpd.Descent(), **small)
             ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
         return at_full(*args, method=method, ensemble=ensemble, conditions=conditions, **others)
@@ -55,7 +63,6 @@ def make_small() -> None:
     tpd.optimise = optimise
     tpd.front = lambda design, lighter: front_of(design, lighter[:1])
     tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
-    import_module("tpd.design.harmonic").HarmonicProblem.further = 12
     for module, sizes in SMALL.items():
         home = import_module(module)
         for name, size in sizes.items():

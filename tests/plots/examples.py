@@ -20,8 +20,8 @@ FRONT = Front(
 SMALL = {
     "space": tpd.DesignSpace(damping_ratio=0.1),
     "limits": tpd.limits.POINT_BOB,
-    "method": tpd.Descent(searches=2, screening=32, steps=4, finish=1),
-    "ensemble": tpd.Ensemble(size=64),
+    "method": tpd.Descent(model=tpd.Piecewise(), searches=2, screening=32, steps=20, corrections=2),
+    "ensemble": tpd.Ensemble(size=256),
 }
 """Settings of a search that takes seconds."""
 

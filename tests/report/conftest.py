@@ -23,7 +23,7 @@ def harmonic(at_least: float = 0.1, measure: str | None = None) -> Design:
         SCENE,
         tpd.DesignSpace(damping_ratio=0.1),
         limits=tpd.limits.POINT_BOB,
-        method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
+        method=tpd.Descent(searches=2, screening=32, steps=4, corrections=1, polish=10),
         ensemble=tpd.Ensemble(size=128),
         requirements=tpd.limits.Requirements(at_least=at_least, reduce=measure),
     )

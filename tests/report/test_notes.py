@@ -173,7 +173,10 @@ def test_significantly_more_overturning_at_a_nearby_frequency_is_a_danger():
             "Under 10 of 10 conditions the search found no attracting symmetric orbit",
             {"orbits": {"kind": np.full((1, 10), 3)}},
         ),
-        ("The worst settled tilt, which the descents reduce, is larger", {"value": 9.0}),
+        (
+            "The objective of the descents (what remains of a disturbance, per period) is larger",
+            {"value": 9.0},
+        ),
     ],
 )
 def test_other_limitations_of_the_result_are_notes(words, exact):

@@ -6,7 +6,6 @@ import numpy as np
 
 import tpd
 from tests.report.conftest import harmonic
-from tpd.design.risk import Risk
 from tpd.limits import Clearance, Mass
 from tpd.report import words
 from tpd.scene.bob import Bob
@@ -88,19 +87,21 @@ def test_energy_losses_are_described_by_friction_and_restitution():
         assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
 
 
-def test_the_risk_is_described_as_a_tilt_or_an_uplift_margin():
-    for value, changes, said in (
-        (0.3, {}, "0.07500 rad (30.0 % of ν)"),
-        (-0.1, {}, "none: the block stays at rest with 10.0 % of the lifting moment in reserve"),
-        (1.2, {}, "no settled motion under the worst condition: the block may overturn"),
+def test_the_settled_tilt_is_described_as_an_angle_or_as_an_uplift_margin():
+    motions = harmonic().exact_motions[0]
+    for changes, margin, said in (
+        ({"tilt": 0.3}, -0.5, "0.07500 rad (30.0 % of ν)"),
         (
-            -0.1,
-            {"risk": Risk.expected()},
-            "-0.1000 times ν, where a block at rest counts as minus its uplift margin",
+            {"tilt": 0.0, "kind": 2},
+            0.1,
+            "none: the block stays at rest with 10.0 % of the lifting moment in reserve",
         ),
+        ({"tilt": 1.2, "kind": 3}, -0.5, "no settled motion under some condition: the block may overturn"),
     ):
-        problem = dataclasses.replace(harmonic().problem, **changes)
-        assert words.risk(dataclasses.replace(harmonic(), problem=problem), value) == said
+        full = {name: np.full_like(getattr(motions.orbits, name), x) for name, x in changes.items()}
+        orbits = motions.orbits._replace(kind=np.zeros_like(motions.orbits.kind))._replace(**full)
+        of = dataclasses.replace(motions, orbits=orbits, margin=np.full_like(motions.margin, margin))
+        assert words.settled_tilt(harmonic(), of).startswith(said)
 
 
 def test_an_infinite_angle_reads_overturns_and_nan_reads_unknown():

@@ -1,16 +1,19 @@
-"""Landscape of a search: tilt over mass ratio and length ratio, edges of the limits, and the design."""
+"""Landscape of a search over mass ratio and length ratio, edges of the limits, and the design."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
-from tpd.design.refine import Trials
+from tpd.design.search import Search
+from tpd.design.sizes import evaluate_sizes
+from tpd.design.trials import Trials
 from tpd.plots.style import (
     HALO,
     INK,
@@ -24,8 +27,8 @@ from tpd.plots.style import (
     own_style,
 )
 
-_GRID = 48
-"""Number of points along each axis."""
+_GRID, _COARSE = 48, 32
+"""Numbers of points along each axis for a trend, and for orbits."""
 _HATCH, _UNKNOWN = "#bdbdbd", "#e8e8e8"
 """Colours of the hatching where a limit is exceeded, and of the area where the trend is unknown."""
 _CLIPPED = 0.1, 10.0
@@ -37,10 +40,15 @@ edge at a ratio of 1 is drawn."""
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     """Draw the mean tilt over mass ratio and length ratio, at the damping ratio of the best design.
 
-    Dark areas have a large tilt. The field is the trend of all trial runs of the linear model, by a
-    smoothing spline. It is grey where the trials do not determine the trend, and hatched where a limit
-    is exceeded; the name of the limit stands at its edge. Dots are trial designs, thin lines the paths of the
-    descents, crosses the designs that the validation rejected, and the star is the best design.
+    Under harmonic excitation the field is the objective of the descents by the exact orbits, and hatched
+    where a limit is exceeded, with the angles of the bob as the runs corrected them. Lines are the paths of
+    the descents, from their starts (open circles), and the numbers are the designs before and after each
+    correction.
+
+    Under ground motions dark areas have a large tilt. The field is the trend of all trial runs of the linear
+    model, by a smoothing spline. It is grey where the trials do not determine the trend, and hatched where a
+    limit is exceeded; the name of the limit stands at its edge. Dots are trial designs, crosses the designs
+    that the validation rejected, and the star is the best design.
 
     If the mass or the length is fixed, the damping ratio is on its axis. If only one parameter is searched,
     the tilt is drawn as a curve over this parameter.
@@ -55,11 +63,14 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     Raises:
         ValueError: the trials of the design have no trend, for example because no pendulum is needed.
     """
-    trials, best = design.trials, design.nearest
-    if trials is None or trials.risk is None or best is None:
-        raise ValueError("`design` must have trial runs from which a trend follows, but has none")
+    trials, best, space = design.trials, design.nearest, design.space
+    if trials is None or best is None or (trials.risk is None and not design.paths):
+        raise ValueError("`design` must have descents or a trend of trial runs, but has neither")
     ax = cast(Axes, new_axes(size=(7.0, 5.0)) if ax is None else ax)
-    space = design.space
+    if design.paths and len(space.names) > 1:
+        return _descents(ax, design, best)
+    if trials.risk is None:
+        raise ValueError("`design` must have two parameters that the descents vary, but has one")
     if len(space.names) == 1:
         return _curve(ax, design, trials, best)
     axes = space.searched[:2]
@@ -82,24 +93,9 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
     limits = _limits(design, trials, designs)
     edges = {name: median_filter(z.reshape(_GRID, _GRID), 3) for name, z in limits.items()}
-    # The largest logarithm over all limits is positive where any limit is exceeded.
-    worst = np.max([np.full((_GRID, _GRID), -1.0), *edges.values()], axis=0)
-    if (worst > 0.0).any():
-        beyond = ax.contourf(x, y, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
-        beyond.set_edgecolor(_HATCH)
-        beyond.set_linewidth(0.0)
-    # A limit that all designs keep, or that all exceed, has no edge.
-    crossed = {name: z for name, z in edges.items() if z.min() < 0.0 < z.max()}
-    for i, (name, z) in enumerate(crossed.items()):
-        edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
+    _hatch(ax, x, y, edges)
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
     _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without a result", "none")
-    # The block can stay at rest where the smallest uplift margin over all conditions is positive.
-    margin = design.problem.least_margins(designs)
-    if margin.min() < 0.0 < margin.max():
-        edge(ax, x, y, margin.reshape(_GRID, _GRID), "stays at rest", 0.5, color=INK, style="--")
-    for i, path in enumerate(design.paths):
-        ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
     _star(ax, design, best[axes])
     # A recommended design is the last validated one and has no reasons.
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
@@ -108,6 +104,65 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
     legend(ax)
     return ax
+
+
+def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
+    """Draw the objective of the descents with their paths and the limits, over logarithmic axes."""
+    space, axes, search = design.space, design.space.searched[:2], cast(Search, design.search)
+    low, high = space.bounds[:, :2]
+    x, y = np.geomspace(np.maximum(low, 1e-3 * high), high, _COARSE).T
+    designs = np.tile(best, (_COARSE**2, 1))
+    designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    problem: Any = design.problem
+    # Exact orbits under the conditions of the descents, with the limits after the last correction.
+    orbits = replace(problem.searched, angles=search.angles)
+    e = orbits.evaluate(designs)
+    value, without = (orbits.value(of) for of in (e, orbits.evaluate(orbits.massless)))
+    (other,) = {0, 1, 2} - {*axes.tolist()}
+    label = f"{orbits.objective.label}, at {'μλζ'[other]} = {best[other]:.2g} (-)"
+    _shade(ax, x, y, value.reshape(_COARSE, _COARSE), float(without[0]), label)
+    # Each limit has an edge of its own, so that a reader sees which one holds the design.
+    sizes: dict[str, np.ndarray] = {}
+    factors = search.angles.of([limit.name for limit in orbits.limits], designs)
+    for size in evaluate_sizes(orbits.limits, e, orbits.geometry, factors=factors):
+        z = np.log(np.clip(size.value.max(axis=1), *_CLIPPED))
+        sizes[size.name] = median_filter(z.reshape(_COARSE, _COARSE), 3)
+    _hatch(ax, x, y, sizes)
+    # The block can stay at rest where the smallest uplift margin over all conditions is positive.
+    margin = design.problem.least_margins(designs)
+    if margin.min() < 0.0 < margin.max():
+        edge(ax, x, y, margin.reshape(_COARSE, _COARSE), "stays at rest", 0.5, color=INK, style="--")
+    for i, path in enumerate(search.paths):
+        ax.plot(*path[:, axes].T, color=INK, lw=0.9, zorder=3, label=None if i else "descents")
+        ax.plot(*path[0, axes], "o", ms=6.0, mfc="white", mec=INK, zorder=3)
+    for i, corrected in enumerate(search.corrected[:, axes]):
+        text = ax.annotate(str(i), corrected, (4, 4), textcoords="offset points", fontsize=SMALL, zorder=5)
+        text.set_path_effects(HALO)
+    ax.plot(*search.corrected[:, axes].T, color=ORANGE, lw=1.2, zorder=3, label="corrections by runs")
+    _star(ax, design, best[axes])
+    across, up = (LABELS[name] for name in space.names[:2])
+    ax.set(xlabel=across, ylabel=up, xscale="log", yscale="log", xlim=x[[0, -1]], ylim=y[[0, -1]])
+    for axis in (ax.xaxis, ax.yaxis):
+        # Over less than a decade the default marks would be a single one.
+        axis.set_major_formatter("{x:g}")
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter("")
+    legend(ax)
+    return ax
+
+
+def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, edges: dict[str, np.ndarray]) -> None:
+    """Hatch the area in which a limit is exceeded, and draw the edge of each limit with its name."""
+    # The largest logarithm over all limits is positive where any limit is exceeded.
+    worst = np.max([np.full((len(y), len(x)), -1.0), *edges.values()], axis=0)
+    if (worst > 0.0).any():
+        beyond = ax.contourf(x, y, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
+        beyond.set_edgecolor(_HATCH)
+        beyond.set_linewidth(0.0)
+    # A limit that all designs keep, or that all exceed, has no edge.
+    crossed = {name: z for name, z in edges.items() if z.min() < 0.0 < z.max()}
+    for i, (name, z) in enumerate(crossed.items()):
+        edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
 
 
 def _curve(ax: Axes, design: Design, trials: Trials, best: np.ndarray) -> Axes:

@@ -168,7 +168,8 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
         "conditions.svg": "conditions" in design.problem.pictures
         and len(design.conditions) > 1
         and design.conditions.axis is not None,
-        "search.png": design.trials is not None and design.trials.risk is not None,
+        "search.png": design.trials is not None
+        and (design.trials.risk is not None or (bool(design.paths) and len(design.space.names) > 1)),
         "response.svg": bool(details.responses),
         "motion.svg": bool(details.histories),
         "front.svg": bool(details.front),

@@ -159,12 +159,9 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
 
 def _orbits(design: Design, without_pendulum: ExactMotions, exact: ExactMotions) -> Iterator[Note]:
     """Yield notes on conditions under which the orbits of the search do not describe the whole motion."""
-    # The descents minimise the tilt of the orbits. Trial runs with many initial states decide afterwards.
     if exact.value > without_pendulum.value:
-        yield note(
-            f"The {design.problem.risk.name} settled tilt, which the descents reduce, is larger with this "
-            "pendulum than without it. Trial runs from many initial states chose the pendulum."
-        )
+        of = design.problem.objective_in_words
+        yield note(f"The objective of the descents ({of}) is larger with this pendulum than without it.")
     e = exact.orbits
     if not design.problem.rest_counts and not np.all(e.attracts):
         under = f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions"

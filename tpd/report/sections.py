@@ -273,11 +273,13 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
 
 def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     """Return the exact settled motion under each condition; an empty list under ground motions."""
-    motions, risk, n = design.exact_motions, design.problem.risk.name, len(design.conditions)
+    motions, n = design.exact_motions, len(design.conditions)
     if not motions:
         return []
-    cases = zip(("without", "with"), motions, strict=False)
-    rows = [(f"{risk} tilt {case} pendulum", words.risk(design, of.value)) for case, of in cases]
+    cases = list(zip(("without", "with"), motions, strict=False))
+    rows = [(f"largest tilt {case} pendulum", words.settled_tilt(design, of)) for case, of in cases]
+    name = f"{design.problem.objective_in_words} ({design.problem.risk.name})"
+    rows += [(f"{name}, {case} pendulum", number(of.value, 3)) for case, of in cases]
     if design.pendulum is not None:
         rows.append(("largest bob angle", words.angle(design.swing)))
     source = "Tilts: largest attracting symmetric orbit, over all initial states"
@@ -310,28 +312,22 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
 
 
 def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
-    """Return a text on the trial runs and the descents, with the picture of the search."""
+    """Return a text on the search, with its picture."""
     trials, search = design.trials, design.search
     if trials is None:
         return []
-    text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
-    text += unanswered(int(trials.undecided.sum()))
-    if search is not None:
-        # Descents with the same outcome are counted.
-        ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
-        text += (
-            f" Before the trial runs, gradient descents started from {search.description} (seed "
-            f"{design.seed}) and evaluated {search.evaluations} designs. Outcomes of the descents: {ends}. "
-            f"{search.message}"
-        )
-        # There is a mismatch only if the descents used a smoothed model.
-        if np.any(search.mismatch):
-            text += f" The exact model confirms {len(search.confirmed)} of {len(search.ends)} final designs."
-        if replaced := int(np.sum(search.stopped)):
-            text += (
-                f" The exact model replaced {replaced} orbits that the smoothed model of the descents lost."
-            )
-    return [*figure, Text(text)]
+    # Under ground motions there is no gradient to follow.
+    if not design.paths or search is None:
+        text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
+        return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
+    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
+    text = (
+        f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. They "
+        f"started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} designs: "
+        f"{ends}. Runs then corrected the angles of the bob in the limits {len(search.corrected) - 1} times, "
+        "and the descents continued from there (numbers in the picture)."
+    )
+    return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
 
 
 def rejected(design: Design) -> list[Block]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import compared, ends, number, percent
+from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
-from tpd.design.assess import alternatives
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus

@@ -107,19 +107,14 @@ def wider(worth: Worth) -> str:
     return f"{size} wider{around}"
 
 
-def risk(design: Design, value: float) -> str:
-    """Describe a value of the risk measure.
-
-    The value is a tilt over the slenderness nu if the block rocks. A negative value is the uplift margin of a
-    block at rest with the opposite sign.
-    """
-    if design.problem.risk.share > 0.0 and value <= 0.0:
-        return f"{value:.4f} times ν, where a block at rest counts as minus its uplift margin"
-    if value <= 0.0:
-        return f"none: the block stays at rest with {percent(-value, 1)} of the lifting moment in reserve"
-    if value > 1.0:
-        return "no settled motion under the worst condition: the block may overturn"
-    return f"{value * design.scene.block.slenderness:.5f} rad ({percent(value, 1)} of ν)"
+def settled_tilt(design: Design, of: Any) -> str:
+    """Describe the largest settled tilt of exact motions under all conditions."""
+    tilt, margin = float(of.orbits.tilt.max()), float(of.margin.min())
+    if not of.orbits.attracts.all():
+        return "no settled motion under some condition: the block may overturn"
+    if tilt == 0.0:
+        return f"none: the block stays at rest with {percent(margin, 1)} of the lifting moment in reserve"
+    return f"{tilt * design.scene.block.slenderness:.5f} rad ({percent(tilt, 1)} of ν)"
 
 
 def limit(of: Limit) -> str:
