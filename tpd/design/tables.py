@@ -163,6 +163,7 @@ _ALONE = Need("a single motion (no band, no amplitudes and no scatter)", lambda 
 _SEVERAL = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _BAND = Need("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"]))
 _WIDTH = Need("a width in [scatter]", lambda full: bool(widths_of(full)))
+# A single condition has no risk measure, so that its default does not count either.
 _IS_CVAR = _is("search", "risk", "cvar")
 _CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _SEVERAL.holds(full))
 _TWO_MASSES = Need(
