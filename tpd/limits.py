@@ -245,7 +245,7 @@ class Settling(Objective):
     respect to a disturbance of the block (tilt over nu, rate over xi nu; the bob moves freely), a 2 x 2
     matrix at the symmetric orbit. With the root mean square |D| over all directions the factor is the
     geometric mean of |D_2|^(1/2) and |D_4|^(1/4). In 28 scenes its rank correlation with the share of the
-    runs that overturn is +0.4 to +1.0 (median 0.9, see the guide), and that of the steady tilt -0.8 to +0.1.
+    runs that overturn is +0.3 to +1.0 (median 0.9, see the guide), and that of the steady tilt -0.8 to +0.1.
 
     The largest Floquet multiplier is the same factor after infinitely many periods. It has no derivative
     where multipliers meet, and does not show how a disturbance grows before it falls.

@@ -4,12 +4,13 @@ what the descents are worth."""
 import copy
 import dataclasses
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
 
 import tpd
+from tests.design.test_sizes import LongestRod
 from tests.designs import SCENE, SMALL, SPACE, outcomes
 from tpd.answers import ensemble
 from tpd.cli.new import template
@@ -331,17 +332,6 @@ def test_no_two_stages_of_a_harmonic_problem_share_runs():
     assert [len(seeds[kind]) for kind in ("linear", "nonlinear")] == [1, 1]
     assert len(set.union(*seeds.values())) == sum(map(len, seeds.values()))
     assert job_of({}).method.corrections == 4
-
-
-@dataclasses.dataclass(frozen=True)
-class LongestRod(tpd.limits.Limit):
-    """A limit that no angle changes: the rods of the runs scatter about the design."""
-
-    length: float
-    name: ClassVar[str] = "rod"
-
-    def size(self, motion, design, geometry):
-        return geometry.rod(design) / self.length
 
 
 def test_a_limit_that_angles_do_not_change_is_kept_by_rods_that_scatter():

@@ -67,7 +67,7 @@ def cpu() -> Any:
 
     try:
         return jax.local_devices(backend="cpu")[0]
-    # JAX has no sentence of its own if the only platform is cuda and there is no such device.
+    # JAX does not explain itself if the only platform is cuda and there is no such device.
     except (RuntimeError, AssertionError):
         chosen = jax.config.jax_platforms  # type: ignore[attr-defined]
         allowed = "must name devices of this machine and include cpu, such as cuda,cpu on one with a GPU"

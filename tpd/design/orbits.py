@@ -148,7 +148,7 @@ class Orbits:
         sizes."""
         m, factors = len(e.kind), self.angles.of([limit.name for limit in self.limits], e.design)
         sizes = evaluate_sizes(self.limits, e, self.geometry, slopes=True, factors=factors)
-        # A quantity that no angle changes has a factor of its own.
+        # A quantity that no angle changes has its own factor.
         more = [self.angles.sizes.get(s.name, 1.0) for s in sizes]
         pairs = list(zip(more, sizes, strict=True))
         value = np.concatenate([np.zeros((m, 0)), *(x * s.value - 1.0 for x, s in pairs)], axis=1)

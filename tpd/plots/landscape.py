@@ -121,7 +121,7 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
     (other,) = {0, 1, 2} - {*axes.tolist()}
     label = f"{orbits.objective.label}, at {'μλζ'[other]} = {best[other]:.2g} (-)"
     _shade(ax, x, y, value.reshape(_COARSE, _COARSE), float(without[0]), label)
-    # Each limit has an edge of its own, so that a reader sees which one holds the design.
+    # One edge for each limit shows which limit holds the design.
     sizes: dict[str, np.ndarray] = {}
     factors = search.angles.of([limit.name for limit in orbits.limits], designs)
     for size in evaluate_sizes(orbits.limits, e, orbits.geometry, factors=factors):
