@@ -14,7 +14,9 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from tpd.compiled.calling import LINEAR, numbers_in, parts, shape
+from tpd.compiled.calling import RUNS, numbers_in, parts, shape
+from tpd.compiled.simulate import accuracy
+from tpd.theory.equations import Terms
 from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY, WIDTH
 from tpd.compiled.derivatives import with_slopes
 from tpd.compiled.rows import packed, row_of
@@ -138,9 +140,9 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
     is_plain, slopes = all(map(checks.is_concrete, inputs)), 0.0 if checks.is_concrete(x) else float(WIDTH)
-    limits = {"events": events, "rest_rate": rest_rate, "slopes": slopes}
-    settings = LINEAR.settings("ORBIT", periods=periods, **limits)
-    call, row = (LINEAR.on_host, settings) if is_plain else (LINEAR, packed(map(stop_gradient, settings)))
+    limits = {"events": events, "rest_rate": rest_rate, "slopes": slopes, **accuracy(Terms.linear)}
+    settings = RUNS.settings("ORBIT", periods=periods, **limits)
+    call, row = (RUNS.on_host, settings) if is_plain else (RUNS, packed(map(stop_gradient, settings)))
     (record,) = call((shape(numbers_in(STEADY)),), row, *inputs[:2])
     fields = parts(record, STEADY)
     # Slopes are real numbers, so complex numbers are divided into their two parts.

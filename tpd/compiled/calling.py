@@ -193,7 +193,7 @@ _TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, r
 
 def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """Return the trial call of a run over one forcing period."""
-    settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
+    settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0))
     return (shape(numbers_in(RUN)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 
@@ -207,16 +207,12 @@ def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[
     return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
 
 
-LINEAR = Compiled("tpd.compiled.linear_entry", "tpd_exact", "the linear model", _run_trial)
-"""Compiled code of the exact model, equations (25)."""
-NONLINEAR = Compiled("tpd.compiled.nonlinear_entry", "tpd_nonlinear", "the nonlinear model", _run_trial)
-"""Compiled code of the nonlinear model, equations (4). It has the tasks `SETTLE`, `GROUND`, `STEADY_STATE`
-and `TRAJECTORY`."""
+RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", _run_trial)
+"""Compiled code of runs, of the linear equations (25) and of the nonlinear equations (4)."""
 ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
 """Compiled code of the symmetric orbits."""
 
 
 def load_compiled() -> None:
-    """Load the compiled code of both models. Compile the code first if this machine has not stored it yet."""
-    LINEAR.is_direct()
-    NONLINEAR.entry()
+    """Load the compiled code of runs. Compile the code first if this machine has not stored it yet."""
+    RUNS.is_direct()

@@ -15,7 +15,7 @@ import numpy as np
 from tpd.scene.parameters import NAMES
 
 SLIP, STICK, REST = range(3)
-"""Kinds of the modes of the contact, see `tpd.compiled.contact_kernel`: the block moves; it is held at a
+"""Kinds of the modes of the contact, see `tpd.compiled.contact`: the block moves; it is held at a
 tilt; it is held on its base."""
 TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
 """Columns of a state: phi, psi, phi', psi', and where they follow, the accelerations phi'' and psi''."""

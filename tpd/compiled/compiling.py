@@ -19,9 +19,9 @@ from typing import IO
 
 from tpd.core import files
 
-HARMONIC = ("tpd.compiled.orbit_entry", "tpd.compiled.linear_entry", "tpd.compiled.nonlinear_entry")
+HARMONIC = ("tpd.compiled.orbit_entry", "tpd.compiled.run_entry")
 """Modules with the compiled code of runs under a harmonic."""
-GROUND = ("tpd.compiled.linear_entry", "tpd.compiled.nonlinear_entry")
+GROUND = ("tpd.compiled.run_entry",)
 """Modules with the compiled code of runs under pulses and records."""
 _COMMAND = """
 import gc, os, sys, threading, warnings

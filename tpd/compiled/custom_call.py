@@ -16,9 +16,8 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from tpd.compiled.arcs import Forcing
 from tpd.compiled.columns import WIDTH
-from tpd.compiled.motion import NO
+from tpd.compiled.forcing import NO, Forcing
 from tpd.compiled.plant import compiled, part
 
 carray: Any = numba.carray  # type: ignore[attr-defined]
@@ -41,10 +40,10 @@ _FROM, _TO, _BUFFERS = 1, 2, 3
 buffer."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov_periods", "impacts", "slopes"),
-    *("pieces", "record", "free", "brief", "angles", "samples"),
+    *("pieces", "record", "free", "brief", "angles", "linear"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
-"""A row of settings for both models. A task ignores the settings that it does not need.
+"""A row of settings. A task ignores the settings that it does not need.
 
 - `task`: number of the task.
 - `periods`: number of periods, or number of times of a trajectory or history.
@@ -60,7 +59,7 @@ SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 - `free`: duration of the free motion (tau).
 - `brief`: whether the free motion may end early, and turning points of the bob do not count.
 - `angles`: whether the derivatives of the largest angles are enough.
-- `samples`: whether the derivatives in the coefficients of the pieces are computed as well.
+- `linear`: 1 for the linear equations (25), 0 for the nonlinear equations (4).
 """
 
 

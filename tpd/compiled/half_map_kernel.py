@@ -15,9 +15,9 @@ import math
 from numba.extending import register_jitable
 
 from tpd.compiled import columns
-from tpd.compiled.arcs import Instant, state_at
 from tpd.compiled.columns import SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
-from tpd.compiled.contact_kernel import jump, ratio
+from tpd.compiled.contact import impact
+from tpd.compiled.half_period_kernel import Instant, state_at
 from tpd.compiled.plant import compiled
 
 is_neutral = register_jitable(inspect.unwrap(columns.is_neutral))
@@ -44,10 +44,10 @@ def store_half_map(q, m, t, path, g):
     zero, until = 0.0 * t, path.crossing
     # The instant at the start of the second arc, with the phase of the forcing at the crossing.
     again = Instant(1.0 + zero, 1.0 + zero, 1.0 + zero, zero, until.sine, until.cosine)
-    before, after = state_at(path.first, until, t), state_at(path.second, again, zero)
-    end = state_at(path.second, path.end, m.span - t)
+    before, after = state_at(path.first, until), state_at(path.second, again)
+    end = state_at(path.second, path.end)
     # Saltation at the crossing: a neighbour jumps by the same shares of its own phi'.
-    (block_jump, bob_jump), rate0 = jump(q, ratio(q)), before[TILT_RATE]
+    (block_jump, bob_jump), rate0 = impact(q, False, 1.0, zero), before[TILT_RATE]
     by0, by1 = (after[TILT_RATE] - rate0) / rate0, (after[SWING_RATE] - before[SWING_RATE]) / rate0
     by2 = (after[TILT_PULL] - (1.0 + block_jump) * before[TILT_PULL]) / rate0
     by3 = (after[SWING_PULL] - before[SWING_PULL] - bob_jump * before[TILT_PULL]) / rate0

@@ -6,7 +6,7 @@ mirror image, y(h) = -y(0). Between its events the system is linear with constan
 paper. Equation (19) fixes t at h/2, which is one condition too many if k > 0. Here t is an unknown.
 
 Let K = 1 + kappa mu, w = (1 + mu) nu, M = [1 + exp(A h)]^-1, e1 the unit vector of the tilt, V = phi'(t-),
-and V d the jump of the rates in the impact, d = (0, 0, *`contact_kernel.jump`). The mirror condition gives
+and V d the jump of the rates in the impact, d = (0, 0, *`contact.impact`). The mirror condition gives
 both arcs, with s measured from the start of each:
 
     y(s) = exp(A s) M {(2k/K) e1 - exp(A (h - t)) [(2w/K) e1 + V d]} + (w - k)/K e1 + harmonic(s)
@@ -22,10 +22,18 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.compiled.arcs import Arc, Instant, Signal, exponential, instant, pair, sincos, state_at
-from tpd.compiled.contact_kernel import jump, ratio
+from tpd.compiled.contact import impact
 from tpd.compiled.plant import compiled
 
+_SERIES = 1e-3
+"""Value of |w t|^2 below which the solutions of the pair are summed as power series."""
+Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across")
+"""A quantity along an arc: a constant, the factors of the four free solutions, and the response to the
+forcing, along sin + across cos."""
+Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
+"""An arc: tilt and bob angle as signals, the time scales, and the phase of the forcing at the start."""
+Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
+"""The functions of time at an instant of an arc, from which signals are evaluated."""
 Half = namedtuple(
     "Half",
     "xi tilt_sin tilt_cos span step slack balance per_fall tilt_whole rate_whole kick_whole kick_rate_whole "
@@ -53,6 +61,76 @@ Solution = namedtuple(
 """phi'(0), phi(t-) and phi(0), and their derivatives with respect to t and gamma."""
 Path = namedtuple("Path", "first second crossing end")
 """The path of a solution: the arcs before and after the crossing, and the instants at the ends of both."""
+
+
+@compiled
+def exponential(x):
+    """Return e^x. The imaginary part is so small that its square vanishes."""
+    return np.exp(x.real) * (1.0 + (x - x.real))
+
+
+@compiled
+def sincos(x):
+    """Return sine and cosine of x. The imaginary part is so small that its square vanishes."""
+    sine, cosine, rest = np.sin(x.real), np.cos(x.real), x - x.real
+    return sine + cosine * rest, cosine - sine * rest
+
+
+@compiled
+def pair(p, q, t):
+    """Return the solutions u and v of x'' + p x' + q x = 0.
+
+    The initial values are (u, u') = (1, 0) and (v, v') = (0, 1) at t = 0.
+
+    With w^2 = q - p^2/4, v = exp(-pt/2) sin(wt)/w and u = exp(-pt/2) cos(wt) + p/2 v.
+    """
+    # Where w^2 changes its sign, cos and sin become cosh and sinh. Near zero both formulas divide by a small
+    # w, and their derivatives by its square. There the power series in w^2 is one function for both signs.
+    w2 = q - 0.25 * p * p
+    x2 = w2 * t * t
+    half = 0.5 * p
+    if abs(x2.real) < _SERIES:
+        decay = exponential(-half * t)
+        c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
+        v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
+    elif w2.real < 0.0:
+        w = np.sqrt(-w2)
+        slow, fast = exponential((w - half) * t), exponential((-w - half) * t)
+        c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+    else:
+        w, decay = np.sqrt(w2), np.exp(-half * t)
+        c, v = decay * np.cos(w * t), decay * np.sin(w * t) / w
+    return c + half * v, v
+
+
+@compiled
+def instant(arc, t):
+    """Return the functions of time at the local time `t` of an arc."""
+    u, v = pair(arc.p, arc.q, t)
+    sine, cosine = sincos(arc.phase + arc.xi * t)
+    return Instant(exponential(arc.s1 * t), exponential(arc.s2 * t), u, v, sine, cosine)
+
+
+@compiled
+def _rate_of_signal(arc, x):
+    """Return the time derivative of a signal."""
+    free = arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, -arc.q * x.on_u - arc.p * x.on_v
+    return Signal(0.0 * arc.xi, *free, -arc.xi * x.across, arc.xi * x.along)
+
+
+@compiled
+def value_of(x, now):
+    """Return the value of a signal."""
+    free = x.on_s1 * now.e1 + x.on_s2 * now.e2 + x.on_u * now.u + x.on_v * now.v
+    return x.constant + free + x.along * now.sine + x.across * now.cosine
+
+
+@compiled
+def state_at(arc, now):
+    """Return (phi, psi, phi', psi', phi'', psi'') at an instant."""
+    tilt, bob = _rate_of_signal(arc, arc.tilt), _rate_of_signal(arc, arc.bob)
+    pulls = value_of(_rate_of_signal(arc, tilt), now), value_of(_rate_of_signal(arc, bob), now)
+    return value_of(arc.tilt, now), value_of(arc.bob, now), value_of(tilt, now), value_of(bob, now), *pulls
 
 
 @compiled
@@ -90,7 +168,7 @@ def _rate_of(q, x):
 def half(q):
     """Return all numbers of a half period that depend on the parameters alone."""
     span, step, slack = np.pi / q.xi, 2.0 * q.weight / q.up, 2.0 * q.k / q.up
-    block_jump, bob_jump = jump(q, ratio(q))
+    block_jump, bob_jump = impact(q, False, 1.0, 0.0 * span)
     whole = flow(q, span)
     # M on the pair is the inverse of a + b A, where A^2 = -q - p A.
     a, b = 1.0 + whole.u, whole.v
@@ -183,12 +261,12 @@ def _signal(q, unit, kick, still, moved, h, constant, along, across):
     The arc is a constant part `still` plus a part `moved` that is carried on by the flow `h`. Each part has
     the factors of e1 and d. `unit` and `kick` are the functionals of the component for e1 and d.
     """
-    (c, d), (a, b), zero = still, moved, 0.0 * along
+    (c, d), (a, b) = still, moved
     real = a * unit.s1 + b * kick.s1, a * unit.s2 + b * kick.s2
     x = _after(q, Part(*real, a * unit.u + b * kick.u, a * unit.v + b * kick.v), h)
     s1, s2 = x.s1 + c * unit.s1 + d * kick.s1, x.s2 + c * unit.s2 + d * kick.s2
     u, v = x.u + c * unit.u + d * kick.u, x.v + c * unit.v + d * kick.v
-    return Signal(constant, s1, s2, u, v, along, across, zero, zero)
+    return Signal(constant, s1, s2, u, v, along, across)
 
 
 @compiled
@@ -215,4 +293,4 @@ def state_after(path, t, s):
     At the crossing time t this is the state after the impact.
     """
     arc, time = (path.second, s - t) if s.real >= t.real else (path.first, s)
-    return state_at(arc, instant(arc, time), time)
+    return state_at(arc, instant(arc, time))

@@ -1,47 +1,32 @@
 """Derivatives, states at requested times and impacts of a motion, computed from its legs.
 
-Between events a leg has the closed form of its arc, and complex numbers carry the derivatives (see
-`tpd.compiled.plant.STEP`). At an event, one Newton step on the event's time gives the saltation matrix. Over
-whole pieces the state changes by an affine map. The map and its derivatives are computed once, so that a
-piece costs a few products of small matrices.
+Complex numbers carry the derivatives through the series of each leg (see `tpd.compiled.plant.STEP`). At an
+event, one Newton step on the event's time gives the saltation matrix. This holds for the linear equations
+(25) and for the nonlinear equations (4).
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from tpd.compiled.arcs import (
-    Load,
-    arc_from,
-    beginning,
-    cubic_load,
-    forcing_at,
-    instant,
-    launch,
-    load_at,
-    span_of,
-    state_at,
+from tpd.compiled import series
+from tpd.compiled.columns import SLIP, SWING, SWING_RATE, TILT, TILT_RATE, WIDTH
+from tpd.compiled.contact import impact
+from tpd.compiled.forcing import forcing_now, load_at, span_of
+from tpd.compiled.motion import (
+    CONTINUES,
+    END,
+    LANDING,
+    RELEASE_UP,
+    STOP,
+    TURN,
+    angle_of,
+    larger_side,
 )
-from tpd.compiled.columns import (
-    REST,
-    SLIP,
-    STICK,
-    SWING,
-    SWING_PULL,
-    SWING_RATE,
-    TILT,
-    TILT_PULL,
-    TILT_RATE,
-    WIDTH,
-)
-from tpd.compiled.contact_kernel import hold_margin, jump, moment, rates_after_impact, ratio
-from tpd.compiled.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
-from tpd.compiled.motion import WHOLE, angle_of, copy_to, larger_side
-from tpd.compiled.plant import COMPLEX_PLANT, STEP, compiled, part, places
+from tpd.compiled.plant import COMPLEX_PLANT, STEP, coefficients, compiled, growing_mode, part
 
-_KINDS = float(SLIP), float(STICK)
-"""Modes of the maps of whole pieces, for the slipping and for the held block. A block that sticks and one at
-rest have the same map."""
 INPUTS = np.int64(WIDTH + 4)
 """Number of directions of the derivatives: the parameters and four components of the initial state."""
 STATE, _BEGINNING = np.int64(WIDTH), np.int64(-1)
@@ -51,15 +36,9 @@ OF_END, OF_GROWING, OF_TIMES, OF_UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 1
 """Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
 end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
 of rows."""
-_TIME = np.int64(4)
-"""Index of the local time at the start of a leg, after the state."""
-_COEFFICIENTS, _ALL = np.int64(WIDTH + 5), np.int64(WIDTH + 9)
-"""Index of the first direction of a coefficient of the forcing, and the number of all directions."""
-FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
-"""Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
-the tilt), and the number of columns."""
-_BY_ONE, _BY_TIME, _BY_SQUARE, _BY_CUBE = places(8, 4)
-"""Columns of the map of a piece for the coefficients of its forcing, after those of the state."""
+STATES = np.int64(9)
+"""Number of columns of a history: phi, psi, their rates and accelerations, the forcing, the kind of the mode
+and the sign of the tilt."""
 _WHEN, _RATE = 0, 1
 """Columns of the table of impacts: time, and rate after the impact."""
 _ROUNDING = 1e-12
@@ -68,26 +47,23 @@ END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 1
 """First rows of the derivatives, and the number of rows.
 
 The rows are the state at the end (4), the six largest angles (6), and under a ground motion also the growing
-coordinate at the start of the last leg (1), the times of the six angles (6), and that of the first uplift
-(1). The row of a time that has no derivative is not written.
+coordinate at the end (1), the times of the six angles (6), and that of the first uplift (1). The row of a
+time that has no derivative is not written.
 """
 READER = np.dtype(
     [
         ("plants", COMPLEX_PLANT, (WIDTH + 1,)),
-        ("dy", np.float64, (4, int(_ALL))),
-        ("shift", np.float64, (int(_ALL),)),
-        ("now", np.float64, (6,)),
-        ("maps", np.float64, (2, 4, 8)),
-        ("slopes", np.float64, (2, 4, 8, int(INPUTS))),
-        ("has_map", np.int64, (2,)),
+        ("row", np.complex128, (WIDTH,)),
+        ("series", np.complex128, (series.ROWS, series.ORDERS)),
+        ("dy", np.float64, (4, int(INPUTS) + 1)),
+        ("shift", np.float64, (int(INPUTS) + 1,)),
+        ("inverse", np.float64, (3,)),
     ],
     align=True,
 )
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
-other directions; the derivatives `dy` of the state and `shift` of the local time, in all directions, in that
-of the start time, and in the four coefficients of the forcing in the piece of a leg; the present state `now`
-with its accelerations; the `maps` of whole pieces for the slipping and for the held block, their derivatives
-`slopes`, and whether they are computed already (`has_map`)."""
+other directions, from a `row` of parameters; a complex `series`; and the derivatives `dy` of the state and `shift` of the local time, in
+all directions and in that of the start time. `inverse` is zero: complex series have no allowed errors."""
 
 
 @part
@@ -97,284 +73,113 @@ def _plant(r, j):
 
 
 @compiled
-def _event_delay(q, f, leg, a, s, eta, rate):
-    """Return the delay of the end of a leg, for a complex step in the direction of the derivative.
-
-    `a` is the last state of the leg, `s` the local time of its start, and `eta` and `rate` are the forcing
-    and its slope at the end.
-    """
-    # To first order the delay is the remaining value of the event's signal, divided by its slope.
-    event = leg.event
-    if event == END:
-        # The duration of a free motion does not depend on anything.
-        return (span_of(q, f) - s).imag if f.harmonic or leg.piece < f.pieces else -s.imag
-    if event == STOP:
-        return -(leg.piece * span_of(q, f) + s).imag
-    # Turning points of the bob and cuts do not change the motion: such a leg keeps its length.
-    if event >= BOB or event == CUT:
-        return 0.0
-    if leg.kind != SLIP:
-        # A held block is released when its margin vanishes.
-        value = hold_margin(q, leg.kind, complex(leg.tilt, 0.0), event, a[TILT], a[SWING], a[SWING_RATE], eta)
-        side = 1.0 if event == FIRST else -1.0
-        pull = (1.0 - q.up.real) * a[SWING_RATE].real + q.bias.real * a[SWING_PULL].real
-        slope = -side * (pull - q.f.real * rate.real)
-        return -value.imag / slope if slope != 0.0 else 0.0
-    # The turning point of a slipping block: phi' vanishes. Otherwise it lands, and phi vanishes.
-    if event == FIRST:
-        return -a[TILT_RATE].imag / a[TILT_PULL].real if a[TILT_PULL].real != 0.0 else 0.0
-    return -a[TILT].imag / a[TILT_RATE].real if a[TILT_RATE].real != 0.0 else 0.0
+def _plant_along(x, j, linear, row, q):
+    """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
+    for i in range(WIDTH):
+        row[i] = complex(x[i], STEP if i == j else 0.0)
+    coefficients(row, complex(linear, 0.0), q)
+    q.slack = series.SLACK * (q.k + q.weight)
 
 
 @compiled
-def _launch_along(q, f, leg, dy, j, s):
-    """Return the arc of a leg in direction j, and its forcing.
-
-    `s` is the local time of the start of the leg.
-    """
-    e = load_at(q, f, leg.piece, s)
-    y0, y1 = complex(leg.y[TILT], dy[TILT, j] * STEP), complex(leg.y[SWING], dy[SWING, j] * STEP)
-    y2 = complex(leg.y[TILT_RATE], dy[TILT_RATE, j] * STEP)
-    y3 = complex(leg.y[SWING_RATE], dy[SWING_RATE, j] * STEP)
-    return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.direction, 0.0), y0, y1, y2, y3, e), e
+def fill_plants(x, count, linear, r):
+    """Fill the complex plants of a reader: one for each of the first parameters, and the last for all other
+    directions."""
+    for j in range(count):
+        _plant_along(x, j, linear, r.row, r.plants[j])
+    _plant_along(x, WIDTH, linear, r.row, r.plants[STATE])
 
 
 @compiled
-def _unit_load(q, j, s):
-    """Return the forcing from the local time `s` on for the coefficient of direction j, with the value 1."""
-    k, none = j - _COEFFICIENTS, 0.0 * s
-    one = none + 1.0
-    c0, c1 = (one if k == 0 else none), (one if k == 1 else none)
-    return cubic_load(c0, c1, one if k == 2 else none, one if k == 3 else none, q.xi, s)
-
-
-@compiled
-def _free_motion(q, kind, now, y0, y1, y2, y3):
-    """Return the state at an instant of a leg under a harmonic, if it starts from (y0, y1, y2, y3) and
-    nothing acts on the block and the bob."""
-    if kind != SLIP:
-        still = 0.0 if kind == REST else y0
-        return still, y1 * now.u + y3 * now.v, 0.0, y3 * now.u + (-q.held_q * y1 - q.held_p * y3) * now.v
-    # The same sums as in `tpd.compiled.arcs.launch`, without the forcing.
-    a = q.al0 * y0 + q.al1 * y1 + q.al2 * y2 + q.al3 * y3
-    b = q.bl0 * y0 + q.bl1 * y1 + q.bl2 * y2 + q.bl3 * y3
-    u0, u1 = y0 - a * q.a0 - b * q.b0, y1 - a * q.a1 - b * q.b1
-    v0, v1 = y2 - a * q.a2 - b * q.b2, y3 - a * q.a3 - b * q.b3
-    one, two, u, v = a * now.e1, b * now.e2, now.u, now.v
-    tilt, swing = q.a0 * one + q.b0 * two + u0 * u + v0 * v, q.a1 * one + q.b1 * two + u1 * u + v1 * v
-    one, two = q.s1 * one, q.s2 * two
-    tilting = q.a0 * one + q.b0 * two + v0 * u + (-q.q * u0 - q.p * v0) * v
-    return tilt, swing, tilting, q.a1 * one + q.b1 * two + v1 * u + (-q.q * u1 - q.p * v1) * v
-
-
-@compiled
-def _delay_of_change(q, leg, change, end, by, push, rate):
-    """Return the derivative of the duration of a leg in a direction in which no parameter changes.
-
-    `change` is the derivative of the last state at a fixed time, `end` that state with its accelerations, and
-    `by` the derivative of the start time. `push` and `rate` are the derivative and the slope of the forcing
-    at the end. The cases are those of `_event_delay`.
-    """
-    event = leg.event
-    if event in (END, STOP):
-        return -by
-    if event >= BOB or event == CUT:
-        return 0.0
-    if leg.kind != SLIP:
-        pull = (1.0 - q.up) * end[SWING_RATE] + q.bias * end[SWING_PULL] - q.f * rate
-        value = moment(q, change[TILT], change[SWING], change[SWING_RATE], push)
-        return -value / pull if pull != 0.0 else 0.0
-    if event == FIRST:
-        return -change[TILT_RATE] / end[TILT_PULL] if end[TILT_PULL] != 0.0 else 0.0
-    return -change[TILT] / end[TILT_RATE] if end[TILT_RATE] != 0.0 else 0.0
-
-
-@compiled
-def carry_through_leg(q, r, f, leg, first, last):
-    """Carry the derivatives of a reader to the end of a leg, before its event.
-
-    `q` is the real plant. The directions are those from `first` to before `last`.
-    """
-    # The real state is read from every leg, so that its rounding errors do not add up.
-    e, duration, none = load_at(q, f, leg.piece, leg.start), leg.duration, 0.0 * leg.start
-    arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
-    is_forced = not f.harmonic and leg.piece < f.pieces
-    start, here = state_at(arc, beginning(arc), 0.0), instant(arc, duration)
-    end, (_, rate) = state_at(arc, here, duration), forcing_at(e, duration)
-    for j in range(first, min(last, STATE)):
-        p, s, t = r.plants[j], complex(leg.start, r.shift[j] * STEP), complex(duration, 0.0)
-        moved, of = _launch_along(p, f, leg, r.dy, j, s)
-        a = state_at(moved, instant(moved, t), t)
-        delay = _event_delay(p, f, leg, a, s, *forcing_at(of, t))
-        # The leg ends later by the delay, during which the state moves with its rates.
-        for i in range(4):
-            r.dy[i, j] = (a[i].imag + a[i + 2].real * delay) / STEP
-        r.shift[j] += delay / STEP
-    for j in range(max(first, STATE), last):
-        # No parameter changes in this direction, and real numbers are enough. The change of the state evolves
-        # as a free motion without forcing, except for that of a coefficient of the forcing. A change of the
-        # start time shifts the whole arc. Convert the change of the state to a fixed start time, let it
-        # evolve along the leg, and convert it back at the end.
-        d, by = r.dy, r.shift[j]
-        y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
-        y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
-        push = 0.0
-        if f.harmonic:
-            c0, c1, c2, c3 = _free_motion(q, leg.kind, here, y0, y1, y2, y3)
-        else:
-            extra = _unit_load(q, j, leg.start) if j >= _COEFFICIENTS and is_forced else free
-            arc_of_change = launch(q, leg.kind, none, none, y0, y1, y2, y3, extra)
-            c0, c1, c2, c3, _, _ = state_at(arc_of_change, here, duration)
-            push, _ = forcing_at(extra, duration)
-        c0, c1 = c0 + end[TILT_RATE] * by, c1 + end[SWING_RATE] * by
-        c2, c3 = c2 + end[TILT_PULL] * by, c3 + end[SWING_PULL] * by
-        delay = _delay_of_change(q, leg, (c0, c1, c2, c3), end, by, rate * by + push, rate)
-        d[TILT, j], d[SWING, j] = c0 + end[TILT_RATE] * delay, c1 + end[SWING_RATE] * delay
-        d[TILT_RATE, j], d[SWING_RATE, j] = c2 + end[TILT_PULL] * delay, c3 + end[SWING_PULL] * delay
-        r.shift[j] += delay
-    for i in range(6):
-        r.now[i] = end[i]
-
-
-@compiled
-def carry_past_event(q, r, leg, first, last):
-    """Carry the derivatives of a reader from the end of a leg past its event, in the same directions."""
-    # The local time starts again at zero in the next piece.
-    if leg.event == END:
-        for j in range(first, last):
-            r.shift[j] = 0.0
-    # A held block does not move until its release, and a later release leaves the same state.
-    if leg.kind != SLIP or (leg.event != FIRST and leg.event != SECOND):
-        return
-    if leg.event == FIRST:
-        for j in range(first, last):
-            # A hop that ends in rest has its turning point on the base.
-            r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.ends_at_rest else r.dy[TILT, j]), 0.0
-        return
-    block, bob = jump(q, 0.0 if leg.ends_at_rest else ratio(q))
-    for j in range(max(first, STATE), last):
-        rate = r.dy[TILT_RATE, j]
-        r.dy[TILT, j], r.dy[TILT_RATE, j] = 0.0, rate + block * rate
-        r.dy[SWING_RATE, j] += bob * rate
-    for j in range(first, min(last, STATE)):
-        y2 = complex(r.now[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
-        y3 = complex(r.now[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
-        y2, y3 = rates_after_impact(r.plants[j], leg.ends_at_rest, y2, y3)
-        # At a landing the tilt is zero for all parameters.
-        r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP
-
-
-@compiled
-def _store_maps(r, is_held, inputs):
-    """Write the map of a piece and its derivatives into a reader.
-
-    The map takes the state and the coefficients of the forcing to the state one piece later. The tilt is
-    measured from the centre of its motion.
-    """
-    one, zero = complex(1.0, 0.0), complex(0.0, 0.0)
-    u, kind = np.zeros(8, np.complex128), _KINDS[is_held]
-    for j in range(inputs):
-        q = _plant(r, j)
-        h = q.xi
-        for k in range(8):
-            # The coefficients of the forcing belong to powers of the time divided by the duration of the
-            # piece.
-            for i in range(8):
-                u[i] = zero if i != k else one
-            cubic = u[_BY_SQUARE] / (h * h), u[_BY_CUBE] / (h * h * h)
-            e = Load(zero, zero, u[_BY_ONE], u[_BY_TIME] / h, *cubic)
-            # Both signs are zero, which switches weight and friction off.
-            arc = launch(q, kind, zero, zero, u[TILT], u[SWING], u[TILT_RATE], u[SWING_RATE], e)
-            end = state_at(arc, instant(arc, h), h)
-            for i in range(4):
-                r.maps[is_held, i, k], r.slopes[is_held, i, k, j] = end[i].real, end[i].imag / STEP
-
-
-@compiled
-def _carry_through_pieces(q, r, c, leg, inputs):
-    """Carry the derivatives of a reader through whole pieces, which are rows of `c`."""
-    is_held = 1 if leg.kind != SLIP else 0
-    # All pieces have the same duration, so that one map serves them all.
-    if r.has_map[is_held] == 0:
-        _store_maps(r, is_held, inputs)
-        r.has_map[is_held] = 1
-    a, by, y, dy = r.maps[is_held], r.slopes[is_held], r.now, r.dy
-    old, x, moved = np.empty((4, inputs)), np.empty(8), np.zeros(inputs)
-    # The map is linear about the centre, which depends on weight and friction.
-    centre = 0.0 if is_held else (leg.tilt * q.weight + leg.direction * q.k) / q.up
-    for j in range(inputs):
-        p = _plant(r, j)
+def start_reading(r, directions):
+    """Set the derivatives at the start of a run: only the initial state itself changes."""
+    for j in range(directions):
         r.shift[j] = 0.0
-        if not is_held:
-            moved[j] = ((leg.tilt * p.weight + leg.direction * p.k) / p.up).imag / STEP
-    copy_to(leg.y, y)
-    first, last = leg.piece, leg.piece + int(leg.duration)
-    # A record has no quadratic and no cubic term, so that the last two columns of the map are usually not
-    # needed.
-    terms = 6
-    for n in range(first, last):
-        terms = max(terms, 8 if c[n, 3] != 0.0 else (7 if c[n, 2] != 0.0 else 6))
-    for n in range(first, last):
-        for k in range(4):
-            # Keep the old derivatives: the loop below overwrites them.
-            x[k], x[4 + k] = y[k], c[n, k]
-            for j in range(inputs):
-                old[k, j] = dy[k, j]
-        # Measure the tilt from the centre, and change back after the map.
-        x[TILT] -= centre
-        for j in range(inputs):
-            old[TILT, j] -= moved[j]
         for i in range(4):
-            # Product rule: the derivative of the map times the state, plus the map times the derivative of
-            # the state.
-            total = 0.0
-            for j in range(inputs):
-                dy[i, j] = 0.0
-            for k in range(terms):
-                size = x[k]
-                total += a[i, k] * size
-                for j in range(inputs):
-                    dy[i, j] += by[i, k, j] * size
-            for k in range(4):
-                size = a[i, k]
-                for j in range(inputs):
-                    dy[i, j] += size * old[k, j]
-            y[i] = total
-        y[TILT] += centre
-        for j in range(inputs):
-            dy[TILT, j] += moved[j]
+            r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+
+
+@part
+def _signal(event):
+    """Return the row of the series that vanishes at an event."""
+    if event == TURN:
+        return series.V
+    return series.PHI if event == LANDING else (series.UP if event == RELEASE_UP else series.DOWN)
 
 
 @compiled
-def _store_angles(r, f, m, n, leg, first, last, by):
-    """Write the derivatives of the angles that are largest at the end of leg n into `by`.
+def _store_angles(r, f, m, leg, n, j, before, by):
+    """Write the derivatives of the angles that are largest in leg n, and of their times, in direction j.
 
-    This includes the derivatives of their times.
-
-    The derivatives of their times follow.
+    The series of the reader is that of the leg, and its derivatives are those at the end of the leg. `before`
+    is the derivative of the local time at the start.
     """
+    c, order = r.series, leg.order
     for k in range(6):
         if m.peak_legs[k] != n:
             continue
-        for j in range(first, last):
+        t, shift = m.peak_offsets[k], r.shift[j]
+        if t == leg.duration:
             by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
-        if n < 0 or f.harmonic:
-            continue
-        pieces = leg.piece + (leg.duration if leg.event == WHOLE else 0.0)
-        for j in range(first, last):
-            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + _shift_of_angle(r, leg, k, j)
+        else:
+            # Within a leg the angle turns, so that its value does not change with its time.
+            phi, psi = series.value_at(c, series.PHI, order, t), series.value_at(c, series.PSI, order, t)
+            by[ANGLES + k, j] = angle_of(phi.imag, psi.imag, k) / STEP
+            v, a = series.value_and_slope(c, series.V, order, t)
+            rate, pull = series.value_and_slope(c, series.R, order, t)
+            apart = 1.0 if k > 3 else 0.0
+            shift = before - (rate - apart * v).imag / STEP / (pull - apart * a).real
+        if not f.harmonic:
+            by[TIMES + k, j] = leg.piece * _plant(r, j).xi.imag / STEP + shift
 
 
 @compiled
-def _shift_of_angle(r, leg, k, j):
-    """Return the derivative in direction j of the local time of the largest angle k, at the end of a leg."""
-    if k < 2 or (leg.event != BOB and leg.event != RELATIVE):
-        return r.shift[j]
-    # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier or
-    # later.
-    apart = 1.0 if k > 3 else 0.0
-    bend = r.now[SWING_PULL] - apart * r.now[TILT_PULL]
-    return r.shift[j] - (r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend
+def carry_through_leg(r, f, leg, directions, angles, m, n, by):
+    """Carry the derivatives of a reader through leg n of a motion and past its event.
+
+    If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
+    are those from the first to before the last of `directions`.
+    """
+    c, event, order, t = r.series, leg.event, leg.order, leg.duration
+    # Complex series have the order of the leg, so that no terms are compared with allowed errors.
+    first, last = directions
+    for j in range(first, last):
+        q, before, y = _plant(r, j), r.shift[j], leg.y
+        c[series.PHI, series.VALUE] = complex(y[TILT], r.dy[TILT, j] * STEP)
+        c[series.PSI, series.VALUE] = complex(y[SWING], r.dy[SWING, j] * STEP)
+        c[series.V, series.VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
+        c[series.R, series.VALUE] = complex(y[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
+        e = load_at(q, f, leg.piece, complex(leg.start, before * STEP))
+        series.terms(q, leg, e, math.inf, order, r.inverse, c)
+        phi, psi = series.value_at(c, series.PHI, order, t), series.value_at(c, series.PSI, order, t)
+        v, pull = series.value_and_slope(c, series.V, order, t)
+        rate, swing_pull = series.value_and_slope(c, series.R, order, t)
+        # The leg ends later by the delay, during which the state moves with its rates. To first order the
+        # delay is the value of the signal that vanishes at the event, divided by its slope.
+        delay = 0.0
+        if event == END:
+            delay = (span_of(q, f).imag / STEP if f.harmonic or leg.piece < f.pieces else 0.0) - before
+        elif event == STOP:
+            delay = -(leg.piece * span_of(q, f).imag / STEP + before)
+        elif event != CONTINUES:
+            value, slope = series.value_and_slope(c, _signal(event), order, t)
+            delay = -value.imag / STEP / slope.real if slope.real != 0.0 else 0.0
+        r.dy[TILT, j], r.dy[SWING, j] = phi.imag / STEP + v.real * delay, psi.imag / STEP + rate.real * delay
+        r.dy[TILT_RATE, j] = v.imag / STEP + pull.real * delay
+        r.dy[SWING_RATE, j] = rate.imag / STEP + swing_pull.real * delay
+        r.shift[j] = before + delay
+        if angles:
+            _store_angles(r, f, m, leg, n, j, before, by)
+        if event == TURN:
+            r.dy[TILT_RATE, j] = 0.0
+        elif event == LANDING:
+            block, bob = impact(q, leg.rests, leg.tilt, complex(psi.real, r.dy[SWING, j] * STEP))
+            speed = complex(v.real, r.dy[TILT_RATE, j] * STEP)
+            r.dy[TILT, j], r.dy[TILT_RATE, j] = 0.0, ((1.0 + block) * speed).imag / STEP
+            r.dy[SWING_RATE, j] += (bob * speed).imag / STEP
+        elif event == END:
+            # The local time starts again at zero in the next piece.
+            r.shift[j] = 0.0
 
 
 @compiled
@@ -383,31 +188,50 @@ def _uplift_leg(legs, count):
 
     The result is -1 if the block never leaves its base, or if it does not start at rest.
     """
-    if count > 0 and legs[0].kind == REST:
+    if count > 0 and legs[0].kind != SLIP and legs[0].y[TILT] == 0.0:
         for n in range(1, count):
-            if legs[n].kind != REST:
+            if legs[n].kind == SLIP:
                 return n
     return -1
 
 
 @compiled
+def _nearest_leg(q, f, legs, count):
+    """Return the index of the leg of the last arc that starts nearest to the unstable equilibrium, or -1.
+
+    The last arc is the motion of a slipping block after the last event, without a forcing.
+    """
+    nearest, best = -1, math.inf
+    for n in range(count - 1, -1, -1):
+        leg = legs[n]
+        if leg.kind != SLIP or leg.piece < f.pieces:
+            break
+        tilt, y = unstable_tilt(q, leg.tilt, leg.direction), leg.y
+        distance = abs(y[TILT] - tilt) + abs(y[SWING]) + abs(y[TILT_RATE]) + abs(y[SWING_RATE])
+        if distance < best:
+            nearest, best = n, distance
+        if n > 0 and legs[n - 1].event != CONTINUES and legs[n - 1].event != END:
+            break
+    return nearest
+
+
+@compiled
 def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
-    """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last leg.
+    """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last arc.
 
     `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
     have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
     uplift are not used.
     """
     count, (first, inputs) = min(m.n_legs, len(legs)), directions
-    r.has_map[:] = 0
-    for j in range(inputs):
-        # At the start only the directions of the initial state change the state.
-        r.shift[j] = 0.0
-        for i in range(4):
-            r.dy[i, j] = 1.0 if j == STATE + i else 0.0
-    if count > 0:
-        _store_angles(r, f, m, _BEGINNING, legs[0], first, inputs, by)
-    growing, uplift_leg, last = 0.0, -1 if f.harmonic else _uplift_leg(legs, count), count
+    start_reading(r, inputs)
+    for k in range(6):
+        if m.peak_legs[k] == _BEGINNING:
+            for j in range(first, inputs):
+                by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
+    growing, uplift_leg, nearest, last = 0.0, -1, -1, count
+    if not f.harmonic:
+        uplift_leg, nearest = _uplift_leg(legs, count), _nearest_leg(q, f, legs, count)
     if angles_only:
         last = uplift_leg
         for k in range(3):
@@ -415,23 +239,13 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
         last = min(count, 1 + last)
     for n in range(last):
         leg = legs[n]
-        if n == uplift_leg:
-            for j in range(first, inputs):
-                by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
-        if n == m.n_legs - 1 and not f.harmonic:
-            # The last leg decides whether the block overturns or falls back.
-            for j in range(first, inputs):
-                p = _plant(r, j)
-                arc, _ = _launch_along(p, f, leg, r.dy, j, complex(leg.start, r.shift[j] * STEP))
-                coordinate = arc.tilt.on_s1 / p.a0
-                by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
-        if leg.event == WHOLE:
-            _carry_through_pieces(q, r, f.cubics, leg, inputs)
-        else:
-            carry_through_leg(q, r, f, leg, first, inputs)
-        _store_angles(r, f, m, n, leg, first, inputs, by)
-        if leg.event != WHOLE:
-            carry_past_event(q, r, leg, first, inputs)
+        for j in range(first, inputs if n == uplift_leg else first):
+            by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
+        for j in range(first, inputs if n == nearest else first):
+            # The last arc decides whether the block overturns or falls back.
+            coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
+            by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
+        carry_through_leg(r, f, leg, directions, True, m, n, by)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
@@ -439,82 +253,32 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
 
 
 @compiled
-def _carry_back_through_pieces(r, leg, back, out):
-    """Carry derivatives from the end of a leg of whole pieces back to its start, see `read_forcing`."""
-    is_held, old = (1 if leg.kind != SLIP else 0), np.empty(4)
-    if r.has_map[is_held] == 0:
-        _store_maps(r, is_held, 1)
-        r.has_map[is_held] = 1
-    a = r.maps[is_held]
-    for n in range(leg.piece + int(leg.duration) - 1, leg.piece - 1, -1):
-        for row in range(OUTPUTS):
-            for i in range(4):
-                old[i], back[row, i] = back[row, i], 0.0
-            for i in range(4):
-                for k in range(4):
-                    back[row, k] += old[i] * a[i, k]
-                    out[row, n, k] += old[i] * a[i, 4 + k]
-    back[:, _TIME] = 0.0
+def unstable_tilt(q, tilt, direction):
+    """Return the tilt at which a slipping block is in unstable equilibrium with a hanging bob.
+
+    `tilt` and `direction` are the signs of phi and phi'.
+    """
+    if q.linear.real != 0.0:
+        return (tilt * q.weight + direction * q.k) / q.up
+    size = np.sqrt(q.weight * q.weight + q.up * q.up)
+    return tilt * np.arctan(q.weight / q.up) + direction * np.arcsin(q.k / size)
 
 
 @compiled
-def read_forcing(q, f, m, legs, r, out):
-    """Add the derivatives of a run's results in the coefficients of its forcing to `out`.
+def growing_coordinate(q, tilt, direction, y, dy, j):
+    """Return the coordinate of a state along the growing mode of the unstable equilibrium.
 
-    The shape of `out` is (OUTPUTS, pieces, 4). The legs are read from the last to the first. `back` has the
-    derivatives in the state and the local time at the start of a leg, and `through` those in all directions
-    from `STATE` on. The reader must have its plants.
+    It is zero on the border between overturning and falling back, under (4) near the equilibrium.
     """
-    back, through, count = np.zeros((OUTPUTS, 5)), np.empty((OUTPUTS, _ALL)), min(m.n_legs, len(legs))
-    uplift_leg = _uplift_leg(legs, count)
-    r.has_map[:] = 0
-    for i in range(4):
-        back[OF_END + i, i] = 1.0
-    for n in range(count - 1, -1, -1):
-        leg = legs[n]
-        through[:] = 0.0
-        for j in range(STATE, _ALL):
-            r.shift[j] = 1.0 if j == INPUTS else 0.0
-            for i in range(4):
-                r.dy[i, j] = 1.0 if j == STATE + i else 0.0
-        if n == m.n_legs - 1 and leg.kind == SLIP:
-            e, none = load_at(q, f, leg.piece, leg.start), 0.0 * leg.start
-            for j in range(STATE, _ALL):
-                extra = Load(none, none, none, none, none, none)
-                if j == INPUTS:
-                    extra = Load(none, none, e.e1, 2.0 * e.e2, 3.0 * e.e3, none)
-                elif j >= _COEFFICIENTS and leg.piece < f.pieces:
-                    extra = _unit_load(q, j, leg.start)
-                y0, y1, y2, y3 = r.dy[TILT, j], r.dy[SWING, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j]
-                through[OF_GROWING, j] = (
-                    launch(q, leg.kind, none, none, y0, y1, y2, y3, extra).tilt.on_s1 / q.a0
-                )
-        is_whole = leg.event == WHOLE
-        if not is_whole:
-            carry_through_leg(q, r, f, leg, STATE, _ALL)
-        for k in range(3):
-            best = larger_side(m, k)
-            if m.peak_legs[best] == n and is_whole:
-                back[k, TILT], back[k, SWING] = angle_of(1.0, 0.0, best), angle_of(0.0, 1.0, best)
-            elif m.peak_legs[best] == n:
-                for j in range(STATE, _ALL):
-                    through[k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], best)
-                    through[OF_TIMES + k, j] = _shift_of_angle(r, leg, best, j)
-        if is_whole:
-            _carry_back_through_pieces(r, leg, back, out)
-        else:
-            carry_past_event(q, r, leg, STATE, _ALL)
-        for row in range(OUTPUTS):
-            for j in range(STATE, _ALL):
-                through[row, j] += back[row, _TIME] * r.shift[j]
-                for i in range(4):
-                    through[row, j] += back[row, i] * r.dy[i, j]
-            for i in range(5):
-                back[row, i] = through[row, STATE + i]
-            for k in range(4 if leg.piece < f.pieces else 0):
-                out[row, leg.piece, k] += through[row, _COEFFICIENTS + k]
-        if n == uplift_leg:
-            back[OF_UPLIFT, _TIME] += 1.0
+    phi = unstable_tilt(q, tilt, direction)
+    lever, up = q.kappa, q.up
+    if q.linear.real == 0.0:
+        sine, cosine = np.sin(phi), np.cos(phi)
+        lever, up = tilt * q.nu * sine + q.kappa * cosine, q.up * cosine + tilt * q.weight * sine
+    l0, l1, l2, l3 = growing_mode(q.m11, -q.pull * lever, -q.rho * lever, q.m22, q.c1, q.c2, up)
+    y0, y1 = complex(y[TILT], dy[TILT, j] * STEP), complex(y[SWING], dy[SWING, j] * STEP)
+    y2, y3 = complex(y[TILT_RATE], dy[TILT_RATE, j] * STEP), complex(y[SWING_RATE], dy[SWING_RATE, j] * STEP)
+    return l0 * (y0 - phi) + l1 * y1 + l2 * y2 + l3 * y3
 
 
 @compiled
@@ -526,7 +290,7 @@ def store_impacts(q, legs, count, impacts):
     k = 0
     for n in range(count):
         leg = legs[n]
-        if leg.kind == SLIP and leg.event == SECOND and k < len(impacts):
+        if leg.event == LANDING and k < len(impacts):
             impacts[k, _WHEN] = leg.piece * q.xi + leg.start + leg.duration
             # The next leg starts with the state after the impact. After the last impact the block rests.
             impacts[k, _RATE] = legs[n + 1].y[TILT_RATE] if n + 1 < count else 0.0
@@ -535,38 +299,36 @@ def store_impacts(q, legs, count, impacts):
 
 
 @compiled
-def store_states(q, f, legs, count, times, out):
+def store_state_at(q, f, leg, t, w, out):
+    """Write the state at the time `t` after the start of a leg into `out`.
+
+    It has the columns of a history, of which `out` may have the first ones.
+    """
+    e, c = load_at(q, f, leg.piece, leg.start), w.series
+    series.load_state(leg.y, c)
+    # Without allowed errors the order is that of the leg.
+    w.inverse[:] = 0.0
+    series.terms(q, leg, e, math.inf, leg.order, w.inverse, c)
+    for i, row in enumerate((series.PHI, series.PSI)):
+        out[i] = series.value_at(c, row, leg.order, t)
+    for i, row in enumerate((series.V, series.R)):
+        out[2 + i], out[4 + i] = series.value_and_slope(c, row, leg.order, t)
+    if len(out) > 6:
+        out[6], out[7], out[8] = q.f * forcing_now(q, f, leg.piece, leg.start + t), leg.kind, leg.tilt
+
+
+@compiled
+def store_states(q, f, legs, count, times, w, out):
     """Write the states of a motion at increasing `times` into rows of `out`.
 
-    A row has the state with its accelerations (6), the forcing, the kind of the mode and the sign of the
-    tilt. It is NaN for times after the end of the motion.
+    A row is NaN for times after the end of the motion.
     """
-    at, y, h = 0, np.empty(4), span_of(q, f)
+    at, h = 0, span_of(q, f)
     for n in range(count):
         leg = legs[n]
-        is_whole = leg.event == WHOLE
-        length, delay = leg.duration, _ROUNDING * times[-1] if n == count - 1 else 0.0
-        if leg.event == OVERTURN:
-            # The arc of a block that overturns continues until the last time.
-            length = max(length, times[-1])
-        copy_to(leg.y, y)
-        # Whole pieces are treated one by one, because a time may lie in any of them.
-        for k in range(int(length) if is_whole else 1):
-            start, duration = (0.0 if is_whole else leg.start), (h if is_whole else length)
-            e = load_at(q, f, leg.piece + k, start)
-            arc = arc_from(q, leg, y, e)
-            leg_start = (leg.piece + k) * h + start
-            # All requested times that lie in this leg.
-            while at < len(times) and times[at] <= leg_start + duration + delay:
-                t = times[at] - leg_start
-                a = state_at(arc, instant(arc, t), t)
-                for i in range(6):
-                    out[at, i] = a[i]
-                eta, _ = forcing_at(e, t)
-                out[at, FORCING], out[at, KIND], out[at, SIDE] = q.f * eta, leg.kind, leg.tilt
-                at += 1
-            if is_whole:
-                a = state_at(arc, instant(arc, h), h)
-                for i in range(4):
-                    y[i] = a[i]
+        begin = leg.piece * h + leg.start
+        delay = _ROUNDING * times[-1] if n == count - 1 else 0.0
+        while at < len(times) and times[at] <= begin + leg.duration + delay:
+            store_state_at(q, f, leg, times[at] - begin, w, out[at])
+            at += 1
     out[at:] = np.nan

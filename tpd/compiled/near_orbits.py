@@ -7,8 +7,8 @@ from collections import namedtuple
 import numpy as np
 
 from tpd.compiled.legs import ANGLES, STATE
-from tpd.compiled.motion import copy_to
-from tpd.compiled.period_map import APPROACHING, BEST, find_orbit, multipliers, set_motion
+from tpd.compiled.motion import copy_to, set_motion
+from tpd.compiled.period_map import APPROACHING, BEST, find_orbit, multipliers
 from tpd.compiled.plant import compiled
 from tpd.compiled.repetition import scales_of
 

@@ -10,7 +10,7 @@ import numpy as np
 from tpd.compiled.columns import WIDTH
 from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import addresses_in, entered, on_host, view
-from tpd.compiled.motion import FIRST_PIECE
+from tpd.compiled.forcing import FIRST_PIECE
 from tpd.compiled.plant import compiled
 from tpd.compiled.symmetric_orbit_kernel import (
     MOVED,

@@ -1,6 +1,6 @@
 """Newton's method on the map of a number of forcing periods.
 
-This module computes all periodic orbits of the exact model: the orbits of runs that converge slowly
+This module computes the periodic orbits of both equations: the orbits of runs that converge slowly
 (`tpd.compiled.near_orbits`), the orbits of runs that have settled, and orbits near a given state
 (`tpd.compiled.steady`).
 
@@ -16,8 +16,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.compiled import repetition
-from tpd.compiled.arcs import arc_from, instant, load_at, span_of, state_at, steady
+from tpd.compiled import repetition, series
 from tpd.compiled.columns import (
     LAST_STEP,
     NEWTON_STEPS,
@@ -28,22 +27,21 @@ from tpd.compiled.columns import (
     SWING,
     TILT,
 )
-from tpd.compiled.events import END
-from tpd.compiled.follow import ARRIVED, Rules, allow_events, follow_piece, start_angles
+from tpd.compiled.follow import ARRIVED, advance
+from tpd.compiled.forcing import FIRST_PIECE, NO, harmonic
 from tpd.compiled.half_map_kernel import characteristic, determinants, store_roots
-from tpd.compiled.legs import INPUTS, READER, ROWS, STATE, read_derivatives
+from tpd.compiled.legs import INPUTS, READER, ROWS, STATE, read_derivatives, store_state_at
 from tpd.compiled.motion import (
-    FIRST_PIECE,
+    END,
     LEG,
     LEGS,
     MOTION,
-    NO,
-    WORKSPACE,
-    YES,
     copy_to,
     is_finite,
     largest,
+    reset_angles,
     reset_counts,
+    set_motion,
 )
 from tpd.compiled.plant import PLANT, compiled, part
 
@@ -51,9 +49,8 @@ _CLOSE = 1e-9
 """Share of a period by which an event may be late, next to an orbit on which it lies within the period."""
 _ROUND_OFF = 1e-13
 """Residual of the map from which the last Newton step leads to an orbit that is exact to rounding."""
-Limits = namedtuple("Limits", "capture events directions reach")
-"""Options of the search: `capture`, the largest speed of an impact that may end in rest; `events`, the bound
-on the events of a forcing period; `directions`, the first direction that needs derivatives and the one after
+Limits = namedtuple("Limits", "events directions reach")
+"""Options of the search: `events`, the bound on the events of a forcing period; `directions`, the first direction that needs derivatives and the one after
 the last; `reach`, the largest residual from which Newton's method continues."""
 CYCLE = np.dtype(
     [
@@ -75,13 +72,14 @@ which a run was moved; the mode at the start (`kind`, `tilt`, `direction`); the 
 (`peaks`), see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
 Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
-"""Arrays of records: one plant; three motions (the one that is simulated, an approaching one, and the start
-of a cycle); one workspace; one reader; two cycles; one record `RUN`; and the usual number of legs. A
+"""Arrays of records: one plant; four motions (the one that is simulated, an approaching one, the start of a
+cycle, and a trial); one workspace; one reader; two cycles; one record `RUN`; and the usual number of legs. A
 record does not keep its array alive, so that these arrays must live as long as the records are used."""
 BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
-SIMULATED, APPROACHING, CYCLE_START = range(3)
-"""Indices of the motions: the simulated one, one that approaches an orbit, and the start of a cycle."""
+SIMULATED, APPROACHING, CYCLE_START, TRIAL = range(4)
+"""Indices of the motions: the simulated one, one that approaches an orbit, the start of a cycle, and one for
+attempts that may be dropped."""
 _RIGHT, _LEFT = range(2)
 """Indices of the largest tilts to either side in `peaks`."""
 ONLY = np.int64(0)
@@ -91,7 +89,7 @@ ONLY = np.int64(0)
 @compiled
 def new_buffers():
     """Allocate the buffers."""
-    plants, motions, workspaces = np.empty(1, PLANT), np.zeros(3, MOTION), np.zeros(1, WORKSPACE)
+    plants, motions, workspaces = np.empty(1, PLANT), np.zeros(4, MOTION), np.zeros(1, series.WORK)
     cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, RUN), np.empty(LEGS, LEG)
     return Buffers(plants, motions, workspaces, np.zeros(1, READER), cycles, settled, legs)
 
@@ -103,13 +101,6 @@ def records_of(buffers):
 
 
 @compiled
-def set_motion(y, mode, m):
-    """Set the state and the mode of a motion."""
-    copy_to(y, m.y)
-    m.kind, m.tilt, m.direction = mode.kind, mode.tilt, mode.direction
-
-
-@compiled
 def _is_same_mode(a, b):
     """Whether two modes are equal. Signs that have no meaning in a mode are not compared."""
     same_side, same_rate = a.kind == REST or a.tilt == b.tilt, a.kind != SLIP or a.direction == b.direction
@@ -117,48 +108,48 @@ def _is_same_mode(a, b):
 
 
 @compiled
-def follow_periods(q, f, m, legs, w, limits, periods):
+def _follow_periods(q, m, legs, w, limits, periods):
     """Simulate a number of periods under the steady excitation, and return the outcome."""
     reset_counts(m)
-    start_angles(q, f, m, FIRST_PIECE, 0.0)
-    rules, ended, n = Rules(limits.capture, YES, NO, NO), ARRIVED, 0
+    reset_angles(m)
+    ended, n = ARRIVED, 0
     while n < periods and ended == ARRIVED:
-        allow_events(m, w, limits.events)
-        ended = follow_piece(q, f, m, legs, w, FIRST_PIECE, 0.0, span_of(q, f), rules)
+        m.events = limits.events
+        ended = advance(q, harmonic(), m, legs, w, FIRST_PIECE, 0.0, w.period)
         n += 1
     return ended
 
 
 @compiled
-def _include_event_at_end(q, f, m, legs, w, mode0, limits):
+def _include_event_at_end(q, m, legs, w, mode0, again, limits):
     """Add an event that follows at once after the end of the periods, if the motion started after that event.
 
     Such a motion ends just before the event by rounding. Without the event, start and end would have
-    different modes.
+    different modes. `again` is another motion.
     """
-    n, period, again = m.n_legs - 1, span_of(q, f), w.trial
+    n, period = m.n_legs - 1, w.period
     if n < 0 or n + 2 >= len(legs) or _is_same_mode(m, mode0):
         return
     # Simulate the last leg again, a little beyond the end.
     last, start = legs[n : n + 1].copy(), legs[n].start
     set_motion(legs[n].y, legs[n], again)
     reset_counts(again)
-    start_angles(q, f, again, FIRST_PIECE, start)
-    again.n_legs = n
-    allow_events(again, w, limits.events)
-    rules = Rules(limits.capture, YES, NO, NO)
-    follow_piece(q, f, again, legs, w, FIRST_PIECE, start, (1.0 + _CLOSE) * period, rules)
+    reset_angles(again)
+    again.n_legs, again.events = n, limits.events
+    advance(q, harmonic(), again, legs, w, FIRST_PIECE, start, (1.0 + _CLOSE) * period)
     # Keep the new legs only if they restore the mode of the start.
     k = min(again.n_legs, len(legs)) - 1
     if not (_is_same_mode(again, mode0) and k > n and legs[k].event == END):
         legs[n] = last[0]
         return
     # Return to the end of the period along the new arc.
-    at = legs[k]
-    at.duration, e = period - at.start, load_at(q, f, FIRST_PIECE, at.start)
-    arc = arc_from(q, at, at.y, e)
+    legs[k].duration = period - legs[k].start
     m.transversality, m.n_legs = min(m.transversality, again.transversality), k + 1
-    set_motion(state_at(arc, instant(arc, at.duration), at.duration), again, m)
+    set_motion(again.y, again, m)
+    now = np.empty(6)
+    store_state_at(q, harmonic(), legs[k], legs[k].duration, w, now)
+    for i in range(4):
+        m.y[i] = now[i]
 
 
 @compiled
@@ -167,22 +158,21 @@ def follow_cycle(q, m, buffers, limits, periods, c):
 
     The simulation starts from the state and the mode of the motion `m`.
     """
-    f = steady(np.empty((0, 4)))
     legs, start, (_, _, w, r) = buffers.legs, buffers.motions[CYCLE_START], records_of(buffers)
     set_motion(m.y, m, start)
     c.kind, c.tilt, c.direction = m.kind, m.tilt, m.direction
-    ended = follow_periods(q, f, m, legs, w, limits, periods)
+    ended = _follow_periods(q, m, legs, w, limits, periods)
     # Most motions have a few legs per period. A motion with a rattle is repeated with memory for all of its
     # legs.
     if m.n_legs > len(legs) and ended == ARRIVED:
         legs = np.empty(m.n_legs, LEG)
         set_motion(start.y, start, m)
-        ended = follow_periods(q, f, m, legs, w, limits, periods)
+        ended = _follow_periods(q, m, legs, w, limits, periods)
     # A motion that ends early is no orbit, even if it ends in its initial state.
     sound = ended == ARRIVED
     if sound:
-        _include_event_at_end(q, f, m, legs, w, start, limits)
-        read_derivatives(q, f, m, legs, r, limits.directions, NO, c.by)
+        _include_event_at_end(q, m, legs, w, start, buffers.motions[TRIAL], limits)
+        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO, c.by)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)

@@ -23,12 +23,10 @@ import numba
 import numba.extending
 import numpy as np
 
-from tpd.compiled.columns import KAPPA, LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
+from tpd.compiled.columns import KAPPA, LAM, MU, NU, RHO, XI, ZETA, E, F, K
 from tpd.core.machine_code import PIPELINE
 from tpd.scene import impacts
 
-_RESONANT = 1e-10
-"""Smallest dynamic stiffness of an undamped bob under a held block for which its response is computed."""
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is computed.
 
@@ -36,24 +34,21 @@ Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic moti
 normal number.
 """
 _FIELDS = (
-    "nu mu lam zeta k f xi e kappa slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
+    "nu mu lam zeta k f xi e kappa rho pull linear slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
-    "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
-    "swing_sin swing_cos swing_lag_sin swing_lag_cos"
+    "tilt_sin tilt_cos bob_sin bob_cos"
 )
 """Fields of a plant.
 
 - `nu` to `kappa`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another
-  forcing (`tpd.compiled.arcs.Forcing`).
-- `slack`: a held block is released if the moment on it exceeds the holding moment by more than this; 0 under
-  a harmonic.
+  forcing (`tpd.compiled.forcing.Forcing`).
+- `rho`, `pull`: a parameter, and mu rho lam. `linear`: 1 for the equations (25), 0 for (4).
+- `slack`: a held block is released if the moment on it exceeds the holding moment by more than this.
 - `up`, `weight`, `bias`, `m11` to `c2`: coefficients of the equations, see `tpd.theory.equations.Linear`.
-- `s1`, `s2`, `p`, `q`, `held_p`, `held_q`: the time scales of the slipping block and of the held one.
+- `s1`, `s2`, `p`, `q`: the time scales of the slipping block. They and what follows are for symmetric orbits.
 - `a0` to `a3`, `b0` to `b3`: shapes of the modes s1 and s2 over (phi, psi, phi', psi').
 - `al0` to `al3`, `bl0` to `bl3`: left eigenvectors, which project a state onto these modes.
-- `tilt_sin` to `bob_cos`, `swing_sin`, `swing_cos`: responses to sin(xi t) of the tilt, of the bob, and of
-  the bob under a held block, as factors of sine and cosine.
-- the same with `lag`: the responses to t sin(xi t), minus t times the responses to sin(xi t).
+- `tilt_sin` to `bob_cos`: responses to sin(xi t) of tilt and bob, as factors of sine and cosine.
 """
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
@@ -67,16 +62,13 @@ def places(stop: int, start: int = 0) -> tuple[Any, ...]:
     return tuple(np.arange(start, stop))
 
 
-def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> Any:
-    """Compile a function with Numba at its first call, or within its caller if `inline`.
-
-    If `fused`, a product and the following sum may be one instruction, which rounds once instead of twice.
-    """
+def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
+    """Compile a function with Numba at its first call, or within its caller if `inline`."""
     # A type checker may have wrapped the function, and Numba needs the original one. Division by zero gives
     # infinity as in NumPy, and needs no check. Python and C call only the entry points: wrappers for all
     # functions would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
+    options |= {"inline": "always"} if inline else {}
     compiler = numba.njit(error_model="numpy", **PIPELINE, **options)
     return compiler(inspect.unwrap(function))
 
@@ -96,11 +88,6 @@ shared(impacts.select, lambda condition, of_true, of_false: of_true if condition
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function as a part of its only caller. Numba then optimises it once instead of twice."""
     return compiled(function, inline=True)
-
-
-def fused(function: Callable[..., Any]) -> Any:
-    """Compile a function with fused products and sums."""
-    return compiled(function, fused=True)
 
 
 @compiled
@@ -221,36 +208,36 @@ def _solve_2x2(matrix, r1r, r1i, r2r, r2i):
 
 @compiled
 def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
-    """Return the harmonic responses H(i xi) of tilt, bob and the bob under a held block, and dH/ds.
+    """Return the harmonic responses H(i xi) of tilt and bob.
 
-    With P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r and dH/ds = -P^-1 P' H. The response
-    to t exp(s t) is (t H + dH/ds) exp(s t).
+    With P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r.
     """
     # The imaginary unit of the frequency differs from that of the derivatives. Therefore the frequency
     # response is computed with pairs of numbers.
     x2, zero = xi * xi, 0.0 * xi
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
-    h0, h1, h2, h3 = _solve_2x2(matrix, -f * up, zero, f, zero)
-    # The product P' H, with P' = 2 s M + C at s = i xi.
-    (ar, ai), (br, bi) = _multiply(c1, 2.0 * xi * m11, h0, h1), _multiply(-c1, 2.0 * xi * m12, h2, h3)
-    (cr, ci), (dr, di) = _multiply(-c2, 2.0 * xi * m21, h0, h1), _multiply(c2, 2.0 * xi * m22, h2, h3)
-    lag = _solve_2x2(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
-    # The bob under a held block has one degree of freedom.
-    w0, w1 = _divide(f, zero, d, xi * c2)
-    k0, k1 = _multiply(-c2, -2.0 * xi * m22, w0, w1)
-    l0, l1 = _divide(k0, k1, d, xi * c2)
-    return (h0, h1, h2, h3), lag, (w0, w1, l0, l1)
+    return _solve_2x2(matrix, -f * up, zero, f, zero)
 
 
 @compiled
-def coefficients(x, q):
-    """Write the coefficients that the linear and the nonlinear model share into a plant."""
+def growing_mode(m11, m12, m21, m22, c1, c2, up):
+    """Return the left eigenvector over (phi, psi, phi', psi') of the growing motion of a tilted block."""
+    a4, a3 = m11 * m22 - m12 * m21, m11 * c2 + m22 * c1 + m12 * c2 + m21 * c1
+    a2, a1, a0 = m11 - up * m22, c1 - up * c2, -up
+    s = _newton_step(_positive_root(a4.real, a3.real, a2.real, a1.real, a0.real), a4, a3, a2, a1, a0)
+    _, _, l0, l1, l2, l3 = _mode(s, m11, m12, m21, m22, c1, c2, up)
+    return l0, l1, l2, l3
+
+
+@compiled
+def coefficients(x, linear, q):
+    """Write the coefficients of the equations into a plant. `linear` is 1 for (25) and 0 for (4)."""
     nu, mu, lam, zeta, k, f = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F]
     xi, rho, e, kappa = x[XI], x[RHO], x[E], x[KAPPA]
     hinge = 2.0 * zeta * np.sqrt(lam * rho)
     q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi = nu, mu, lam, zeta, k, f, xi
-    q.e, q.kappa, q.slack = e, kappa, 0.0 * k
+    q.e, q.kappa, q.rho, q.pull, q.slack, q.linear = e, kappa, rho, mu * rho * lam, 0.0 * k, linear
     q.up, q.weight, q.bias = 1.0 + kappa * mu, (1.0 + mu) * nu, mu * hinge * (lam - kappa)
     q.m11, q.m12 = 1.0 + mu * rho * (kappa * kappa + nu * nu), -kappa * mu * rho * lam
     q.m21, q.m22, q.c1, q.c2 = -kappa * rho, lam * rho, mu * lam * hinge, hinge
@@ -259,7 +246,7 @@ def coefficients(x, q):
 @compiled
 def plant(x, q):
     """Fill a plant with the numbers that follow from a row of parameters."""
-    coefficients(x, q)
+    coefficients(x, 1.0, q)
     nu, mu, lam, f, xi, rho, kappa = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO], x[KAPPA]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
     # Coefficients of the characteristic quartic.
@@ -267,33 +254,7 @@ def plant(x, q):
     a4, a3 = lam * rho * d, c2 * (d + mu * rho * (kappa - lam) * (kappa - lam))
     a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
-    q.held_p, q.held_q = c2 / m22, 1.0 / m22
     q.a0, q.a1, q.al0, q.al1, q.al2, q.al3 = _mode(q.s1, m11, m12, m21, m22, c1, c2, up)
     q.b0, q.b1, q.bl0, q.bl1, q.bl2, q.bl3 = _mode(q.s2, m11, m12, m21, m22, c1, c2, up)
     q.a2, q.a3, q.b2, q.b3 = q.s1 * q.a0, q.s1 * q.a1, q.s2 * q.b0, q.s2 * q.b1
-    of_tilt_and_bob, lags, of_swing = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
-    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = of_tilt_and_bob
-    q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = lags
-    q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = of_swing
-    # Next to the resonance of an undamped bob under a held block the response is so large that the motion
-    # would be the rounding error of a difference.
-    if mu.real > 0.0 and c2.real == 0.0 and abs(1.0 - (xi * xi * m22).real) < _RESONANT * f.real:
-        q.swing_sin = q.swing_cos = np.nan * f
-
-
-@compiled
-def plant_along(x, j, q):
-    """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
-    row = np.empty(WIDTH, np.complex128)
-    for i in range(WIDTH):
-        row[i] = complex(x[i], STEP if i == j else 0.0)
-    plant(row, q)
-
-
-@compiled
-def fill_plants(x, count, plants):
-    """Fill the complex plants: one for each of the first parameters, and the last for all other
-    directions."""
-    for j in range(count):
-        plant_along(x, j, plants[j])
-    plant_along(x, WIDTH, plants[WIDTH])
+    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)

@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from tpd.compiled.arcs import Forcing, steady
 from tpd.compiled.columns import (
     AT_REST,
     FAILED,
@@ -22,7 +21,8 @@ from tpd.compiled.columns import (
     TILT,
     TILT_RATE,
 )
-from tpd.compiled.motion import FIRST_PIECE, YES, copy_to
+from tpd.compiled.forcing import FIRST_PIECE, YES, Forcing, harmonic
+from tpd.compiled.motion import copy_to
 from tpd.compiled.plant import compiled
 
 NEWEST = np.int64(0)
@@ -78,18 +78,18 @@ def repeats_after(q, y, past, count, scales, tolerance):
 
 
 @compiled
-def excitation_in(ramp, period, elapsed, since, cubics):
+def excitation_in(ramp, period, elapsed, since):
     """Return the forcing of a period, and the local time at which it has its full size.
 
     The time is 0 if the forcing has its full size already.
 
     The excitation grows over `ramp` periods. `elapsed` is the number of periods before this one, and the run
-    starts at the local time `since` in it. `cubics` has no rows.
+    starts at the local time `since` in it.
     """
     ramp_end = (ramp - elapsed) * period
     if ramp_end <= max(since, 1e-12 * period):
-        return steady(cubics), 0.0
-    return Forcing(YES, elapsed / ramp, 1.0 / (ramp * period), FIRST_PIECE, cubics), ramp_end
+        return harmonic(), 0.0
+    return Forcing(YES, elapsed / ramp, 1.0 / (ramp * period), FIRST_PIECE, np.empty((0, 4))), ramp_end
 
 
 @compiled

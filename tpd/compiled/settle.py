@@ -1,4 +1,4 @@
-"""Simulation of a run under a harmonic until it repeats, rests or overturns, for the linear model.
+"""Simulation of a run under a harmonic until it repeats, rests or overturns.
 
 The rules are those of `tpd.models.settling`. If a motion approaches its orbit slowly, Newton's method
 computes the orbit (`tpd.compiled.near_orbits`).
@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from tpd.compiled import repetition
-from tpd.compiled.arcs import span_of, steady
+from tpd.compiled import repetition, series
 from tpd.compiled.columns import (
     AT_REST,
     EVENT_BOUND,
@@ -26,115 +25,90 @@ from tpd.compiled.columns import (
     TILT,
     TILT_RATE,
 )
-from tpd.compiled.contact_kernel import decide, sign
-from tpd.compiled.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
-from tpd.compiled.legs import INPUTS, STATE
-from tpd.compiled.march import prepare_march
-from tpd.compiled.motion import FIRST_PIECE, LEG, NO, YES, copy_to, is_finite, largest, reset_counts
+from tpd.compiled.contact import start_mode
+from tpd.compiled.follow import ARRIVED, BEYOND, NOT_FINITE, one_period, set_scales
+from tpd.compiled.forcing import FIRST_PIECE, forcing_now, harmonic
+from tpd.compiled.legs import INPUTS, STATE, fill_plants
+from tpd.compiled.motion import LEG, copy_to, is_finite, largest, reset_counts, set_motion
 from tpd.compiled.near_orbits import CONVERGED, NEARBY, Past, orbit_near
-from tpd.compiled.period_map import BEST, Limits, records_of
-from tpd.compiled.plant import compiled, plant
+from tpd.compiled.period_map import BEST, TRIAL, Limits, records_of
+from tpd.compiled.plant import compiled
+from tpd.compiled.repetition import LONGEST, NEWEST
 
-_NONE = np.int64(0)
-"""Zero periods, as a NumPy scalar."""
 _PERIODS_PER_SEARCH = 24
 """Number of forcing periods that can be simulated in the time of one search for an orbit of period one."""
+_STILL = 1e-3
+"""Largest change of the bob's state in a period, in shares of its scale, at which the motion to which the bob
+settles is solved for."""
+_STEPS, _CLOSED, _DIFFERENCE = 12, 1e-9, 1e-4
+"""Bound on the steps of this solution; its largest residual, and the step of its differences, in shares of
+the scales."""
 
 
 @compiled
-def _bob_under_held(q, y, phase):
-    """Return bounds on the moment on a held block and on |psi| (rad), from now on.
+def _stays_held(q, m, legs, w, psi, rate, trial):
+    """Simulate a period from a state of the bob at tau = 0. Return whether the block stays held."""
+    set_motion(m.y, m, trial)
+    reset_counts(trial)
+    trial.y[SWING], trial.y[SWING_RATE] = psi, rate
+    # A release would be an event, and only one event is allowed.
+    return one_period(q, harmonic(), trial, legs, w, 0.0, 0.0, 1) == ARRIVED
 
-    Both include the forcing, the decaying swing and the steady swing. The state `y` is at a phase of a steady
-    forcing. The bob under a block that does not move is a damped oscillator.
+
+@compiled
+def _change_of_bob(q, m, legs, w, psi, rate, trial):
+    """Return the change of the bob's state in a period from tau = 0 on; NaN unless the block stays held."""
+    is_held = _stays_held(q, m, legs, w, psi, rate, trial)
+    return (trial.y[SWING] - psi, trial.y[SWING_RATE] - rate) if is_held else (math.nan, math.nan)
+
+
+@compiled
+def _settled_swing(q, m, legs, w, scales, remaining, trial, peaks):
+    """Return the largest |psi| of the settled bob, or NaN unless the block is certainly held permanently.
+
+    If it is held, this replaces the state of `m` by the settled one and updates `peaks`, for which the motion
+    is followed for at most the number of `remaining` periods. An undamped bob is followed for all of them.
+    `trial` is another motion.
     """
-    s, c, sine, cosine = q.swing_sin, q.swing_cos, math.sin(phase), math.cos(phase)
-    two_mu = q.up - 1.0
-    along, across = -q.f - two_mu * s - q.bias * q.xi * c, -two_mu * c + q.bias * q.xi * s
-    # The decaying part is the state minus the steady swing. Its energy never grows.
-    psi = y[SWING] - s * sine - c * cosine
-    rate = y[SWING_RATE] - q.xi * (s * cosine - c * sine)
-    swing = math.sqrt(psi * psi + rate * rate / q.held_q)
-    decaying = two_mu * swing + abs(q.bias) * swing * math.sqrt(q.held_q)
-    return math.hypot(along, across) + decaying, math.hypot(s, c) + swing
-
-
-@compiled
-def _is_at_rest(q, m, peak, phase, tolerance):
-    """Whether the block rests or sticks permanently under a steady excitation.
-
-    `peak` is the largest tilt of the last period. If that tilt is negligible at the end of a rattle, this
-    changes the mode and the state to rest.
-    """
-    y, mode = m.y, m
-    pull, _ = _bob_under_held(q, y, phase)
-    # Relative margin between the holding moment on the base and the largest moment.
-    margin = 1.0 - pull / (q.weight + q.k)
-    if mode.kind != STICK:
-        return mode.kind == REST and margin >= 0.0
-    # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
-    # strong friction do not end like this: friction holds the block a little above its base until the moment
-    # has changed its sign. One hop then takes a large part of a period, and each hop is smaller than the
-    # last. Hops below the tolerance of a repetition no longer matter. The block counts as at rest if the bob
-    # cannot lift it.
-    low = max(peak, abs(y[TILT])) < tolerance * q.nu
-    if low and (q.k > 0.0 or q.e < 1.0) and margin > 0.0:
-        mode.kind, y[TILT] = REST, 0.0
-        return True
-    # A block that sticks at a tilt stays there if friction alone exceeds the moment.
-    return y[TILT] != 0.0 and pull + abs(q.up * y[TILT] - mode.tilt * q.weight) < q.k
-
-
-@compiled
-def _repeats_at_rest(q, m, tolerance):
-    """Whether a motion that repeats with the block held all the time continues like this permanently."""
-    # The decay of a damped bob that is still to come is smaller than the tolerance. But the steady swing may
-    # exceed the holding moment by a small amount, and lift the block. An undamped bob continues as in these
-    # periods.
-    if q.zeta == 0.0:
-        return True
-    psi, rate = m.y[SWING], m.y[SWING_RATE]
-    m.y[SWING], m.y[SWING_RATE] = q.swing_cos, q.xi * q.swing_sin
-    is_resting = _is_at_rest(q, m, 0.0, 0.0, tolerance)
-    # If the block may lift, restore the state.
-    if not is_resting:
+    psi, rate, span, n = m.y[SWING], m.y[SWING_RATE], math.sqrt(q.m22), 0
+    step, error = _DIFFERENCE * scales[SWING], math.inf
+    # Newton's method on the map of a period, which changes the state by (f, g), with the derivatives at its
+    # start.
+    f_rate, g_rate = _change_of_bob(q, m, legs, w, psi, rate + step / span, trial)
+    f_psi, g_psi = _change_of_bob(q, m, legs, w, psi + step, rate, trial)
+    f, g = _change_of_bob(q, m, legs, w, psi, rate, trial)
+    a, b = (f_psi - f) / step, (f_rate - f) * span / step
+    c, d = (g_psi - g) / step, (g_rate - g) * span / step
+    while error > _CLOSED and n < _STEPS:
+        if n > 0:
+            f, g = _change_of_bob(q, m, legs, w, psi, rate, trial)
+        if not math.isfinite(a + b + c + d + f + g):
+            return math.nan
+        error = max(abs(f) / scales[SWING], abs(g) / scales[SWING_RATE])
+        regular = a * d - b * c
+        psi -= (d * f - b * g) / regular
+        rate -= (a * g - c * f) / regular
+        n += 1
+    # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
+    # the product of both.
+    attracts = abs(2.0 + a + d) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
+    # While the bob settles, its own swing adds to the moment on the block. Small angles give this share, and
+    # twice of it includes the rest.
+    own, slack = math.hypot(m.y[SWING] - psi, span * (m.y[SWING_RATE] - rate)), q.slack
+    q.slack -= 2.0 * own * (q.up - 1.0 + abs(q.bias) / span)
+    is_held = error <= _CLOSED and attracts and _stays_held(q, m, legs, w, psi, rate, trial)
+    q.slack, swing, u, v = slack, largest(trial, SWING), m.y[SWING], m.y[SWING_RATE]
+    while is_held and remaining > 0 and (q.zeta == 0.0 or swing + own > peaks[SWING]):
+        is_held = _stays_held(q, m, legs, w, u, v, trial)
+        u, v, remaining = trial.y[SWING], trial.y[SWING_RATE], remaining - 1
+        own = math.hypot(u - psi, span * (v - rate))
+        peaks[SWING] = max(peaks[SWING], largest(trial, SWING))
+        # An undamped bob keeps its own swing.
+        swing = max(swing, largest(trial, SWING)) if q.zeta == 0.0 else swing
+    if q.zeta > 0.0 and is_held:
         m.y[SWING], m.y[SWING_RATE] = psi, rate
-    return is_resting
-
-
-@compiled
-def _let_bob_settle(buffers, limits, s, tolerance, periods, whole, peaks):
-    """Replace the state under a block that rests or sticks permanently by the one that it approaches.
-
-    Returns the largest |psi| of the settled bob. If `whole`, the motion is followed from the local time `s`
-    until the bob cannot exceed its largest angle so far, but not for more than a number of periods, to update
-    `peaks`.
-    """
-    (q, m, w, _), legs = records_of(buffers), np.empty(0, LEG)
-    y, f, kind, tilt, swing = m.y, steady(np.empty((0, 4))), m.kind, m.y[TILT], 0.0
-    (_, reach), size, n = _bob_under_held(q, y, q.xi * s), math.hypot(q.swing_sin, q.swing_cos), 0
-    repeats = 0
-    if q.zeta == 0.0:
-        # An undamped bob keeps its own swing, and its largest angle is the sum of both amplitudes. The
-        # exception is a motion that repeats, of which all periods are followed.
-        for j in range(periods, 0, -1):
-            swings = j * math.sqrt(q.held_q) / q.xi
-            # The second part is the rounding error, which counts next to resonance.
-            change = 2.0 * math.pi * (abs(swings - np.rint(swings)) + 1e-15 * swings) * (reach - size)
-            repeats = j if change < tolerance * (q.nu + q.f) else repeats
-        periods, size = repeats + (1 if s > 0.0 else 0), reach
-    while n < periods and m.kind == kind and (q.zeta == 0.0 or (whole and reach > peaks[SWING])):
-        _one_period(q, f, m, legs, w, s, 0.0, limits)
-        swing = max(swing, largest(m, SWING))
-        peaks[SWING] = max(peaks[SWING], swing)
-        (_, reach), s, n = _bob_under_held(q, y, 0.0), 0.0, n + 1
-    if q.zeta > 0.0:
-        y[SWING], y[SWING_RATE] = q.swing_cos, q.xi * q.swing_sin
-    elif repeats > 0:
-        size = swing
-    # A moment that equals the limit except for rounding does not lift the block.
-    m.kind, y[TILT], y[TILT_RATE], peaks[SWING] = kind, tilt, 0.0, max(peaks[SWING], size)
-    return size
+    peaks[SWING] = max(peaks[SWING], swing)
+    return swing if is_held else math.nan
 
 
 @compiled
@@ -147,7 +121,7 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
     """
     closest, periods, scales = NEARBY, 0, repetition.scales_of(q)
     for n in range(1, count // 2):
-        error = repetition.distance(q, past[0].y, past[n].y, scales)
+        error = repetition.distance(q, past[NEWEST].y, past[n].y, scales)
         # A larger number of periods must be much closer than a smaller one.
         if error < 0.1 * closest or (n == 1 and error < closest):
             closest, periods = error, n
@@ -163,104 +137,102 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
 
 
 @compiled
-def _one_period(q, f, m, legs, w, s, ramp_end, limits):
-    """Follow a motion from the local time `s` to the end of the forcing period.
+def _is_still(q, m, before):
+    """Whether the block was at rest, or held at a tilt, for a whole period with an almost steady bob.
 
-    Returns the outcome, see `follow_piece`. The excitation has its full size from the local time `ramp_end`
-    on.
+    `before` is the state one period earlier.
     """
-    period, rules = span_of(q, f), Rules(limits.capture, YES, NO, NO)
-    start_angles(q, f, m, FIRST_PIECE, s)
-    if f.rate > 0.0 and ramp_end < (1.0 - 1e-12) * period:
-        # The forcing has a kink at the end of the ramp. Follow the motion to it, and from there with the
-        # steady forcing.
-        allow_events(m, w, limits.events)
-        ended = follow_piece(q, f, m, legs, w, FIRST_PIECE, s, ramp_end, rules)
-        f, s = steady(f.cubics), ramp_end
-        if ended != ARRIVED:
-            return ended
-    allow_events(m, w, limits.events)
-    return follow_piece(q, f, m, legs, w, FIRST_PIECE, s, period, rules)
+    y = m.y
+    is_resting = m.kind == REST and largest(m, TILT) == 0.0
+    is_sticking = m.kind == STICK and y[TILT] == before[TILT]
+    angles = max(abs(y[TILT] - before[TILT]), abs(y[SWING] - before[SWING]))
+    rates = max(abs(y[TILT_RATE] - before[TILT_RATE]), abs(y[SWING_RATE] - before[SWING_RATE]))
+    change = max(angles, rates / q.xi) / (q.nu + q.f)
+    return (is_resting or is_sticking) and (change < _STILL or q.mu == 0.0)
 
 
 @compiled
-def settle(x, buffers, s, since, ramp, whole, out):
+def _falls_to_rest(q, m, peak, tolerance):
+    """Whether the hops of a block are so low that they no longer matter. If so, put the block on its base.
+
+    `peak` is the largest tilt of the last period.
+    """
+    # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
+    # strong friction do not end like this: friction holds the block a little above its base until the moment
+    # has changed its sign. One hop then takes a large part of a period, and each hop is smaller than the
+    # last.
+    low = m.kind == STICK and 0.0 < max(peak, abs(m.y[TILT])) < tolerance * q.nu
+    if low:
+        m.kind, m.tilt, m.direction, m.y[TILT], m.y[TILT_RATE] = REST, 0.0, 0.0, 0.0, 0.0
+    return low
+
+
+@compiled
+def settle(x, buffers, s, since, ramp, out):
     """Simulate a run until it repeats, rests or overturns, and write the result to `out`.
 
-    The run starts from its state at tau = `since`.
-
-    The run also ends after the number of periods in the settings `s`. The excitation grows linearly over
-    `ramp` periods. `out` is a record `tpd.compiled.columns.RUN`. Its peaks are those of the whole run
-    only if `whole`, because the bob of a block at rest may reach its largest angle later.
+    The run starts from its state at tau = `since`. It also ends after the number of periods in the settings
+    `s`. The excitation grows linearly over `ramp` periods. `out` is a record `tpd.compiled.columns.RUN`.
     """
-    q, m, w, _ = records_of(buffers)
-    plant(x, q)
-    prepare_march(q, w.march)
-    y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
-    events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
-    limits = Limits(capture, events, (STATE, INPUTS), NEARBY)
-    past, gap, gap_periods = (
-        Past(np.zeros(repetition.LONGEST + 1, repetition.PERIOD), np.zeros(2)),
-        0.0,
-        _NONE,
-    )
-    last, peaks = past.periods, past.peaks
-    copy_to(y, last[0].y)
+    (q, m, w, r), trial, legs = records_of(buffers), buffers.motions[TRIAL], np.empty(0, LEG)
+    series.prepare(x, s, q, w)
+    fill_plants(x, 0, s.linear, r)
+    scales, y, tolerance, events = set_scales(q, w), m.y, s.tolerance, int(s.events)
+    limits = Limits(events, (STATE, INPUTS), NEARBY)
+    past = Past(np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2))
+    last, peaks, gap, gap_periods = past.periods, past.peaks, 0.0, 0
+    copy_to(y, last[NEWEST].y)
     reset_counts(m)
     buffers.cycles[BEST].periods = 0.0
-    f, ramp_end = repetition.excitation_in(ramp, period, 0.0, since, cubics)
-    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
+    f, ramp_end = repetition.excitation_in(ramp, w.period, 0.0, since)
+    start_mode(q, y, forcing_now(q, f, FIRST_PIECE, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
-    status = NOT_SETTLED
-    # A block that starts at rest may rest permanently, which needs no simulation.
-    if m.kind == REST and f.rate == 0.0 and _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance):
-        status = AT_REST
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
-    count, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
-    # If the square of an angle overflows, the proofs of the event search fail. Let such a run end as failed.
-    if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
-        y[TILT] = math.nan
-    while elapsed < s.periods and status == NOT_SETTLED and is_finite(y):
+    count, status, repeats, elapsed = (1 if since == 0.0 else 0), NOT_SETTLED, 0, 0
+    search, wait, rest_swing = 0, 0, math.nan
+    while elapsed < s.periods and status == NOT_SETTLED:
         if elapsed > 0:
-            f, ramp_end = repetition.excitation_in(ramp, period, float(elapsed), 0.0, cubics)
+            f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0)
         # The first period may start late.
-        ended = _one_period(q, f, m, legs, w, since if elapsed == 0 else 0.0, ramp_end, limits)
-        sound, elapsed = ended == ARRIVED and is_finite(y), elapsed + 1
-        # Whether the excitation grew in this period, and whether it grows on in the next one.
-        was_growing, is_growing = f.rate > 0.0, f.rate > 0.0 and ramp_end >= (1.0 - 1e-12) * period
-        peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
+        ended = one_period(q, f, m, legs, w, since if elapsed == 0 else 0.0, ramp_end, events)
+        elapsed += 1
         # Largest angles of this period, and of the whole run.
+        peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
         peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
-        is_resting = sound and not is_growing and _is_at_rest(q, m, peak, 0.0, tolerance)
-        # States before the excitation became steady do not count for a repetition.
-        is_steady = sound and not was_growing
+        # States before the excitation became steady do not count for a repetition or for rest.
+        is_steady = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
-        count = repetition.store_period(last, 0 if was_growing else count, y, peak, swing, m.hold_level)
-        if not sound:
+        is_still = is_steady and count > 0 and _is_still(q, m, last[NEWEST].y)
+        is_still = is_still or (is_steady and _falls_to_rest(q, m, peak, tolerance))
+        count = repetition.store_period(last, count if is_steady else 0, y, peak, swing, m.hold_level)
+        was_held = repeats > 0 and repetition.was_held(last, repeats)
+        if (is_still or was_held) and elapsed >= wait:
+            rest_swing = _settled_swing(q, m, legs, w, scales, int(s.periods) - elapsed, trial, peaks)
+            wait = elapsed + _STEPS
+        if ended == NOT_FINITE or not is_finite(y):
+            status = FAILED
+        elif ended != ARRIVED:
             status = OVERTURNED if ended == BEYOND else EVENT_BOUND
-        elif is_resting:
-            status = AT_REST
-        elif repeats > 0 and not repetition.was_held(last, repeats):
+        elif was_held and q.zeta == 0.0 and q.mu > 0.0:
+            # An undamped bob may repeat only after several periods.
+            status, rest_swing = AT_REST, 0.0
+            for j in range(repeats):
+                rest_swing = max(rest_swing, last[j].swing)
+        elif math.isfinite(rest_swing) or (is_still and q.mu == 0.0):
+            # The block is at rest under a massless bob whether or not its swing is known.
+            status, peaks[SWING] = AT_REST, peaks[SWING] + 0.0 * rest_swing
+        elif repeats > 0 and not was_held:
             status = ROCKING
-        elif repeats > 0:
-            status = AT_REST if _repeats_at_rest(q, m, tolerance) else NOT_SETTLED
-            # A damped bob under a block at rest repeats after one period, whatever the number of periods was
-            # before.
-            repeats = 0 if q.zeta > 0.0 or status == NOT_SETTLED else repeats
-        elif not is_growing and tolerance >= CONVERGED and elapsed >= wait:
+        elif is_steady and tolerance >= CONVERGED and elapsed >= search:
             # The run converges slowly: search for its orbit. If that fails, wait until the run is twice as
             # long.
             candidate, gap, gap_periods = _slow_repetition(q, last, count, tolerance, gap, gap_periods)
             if candidate > 0:
-                wait = 2 * elapsed
+                search = 2 * elapsed
                 if orbit_near(q, m, buffers, past, count, limits, candidate):
                     status, repeats = ROCKING, candidate
-                    # A block that sticks at a tilt all the time does not rock.
-                    if _is_at_rest(q, m, last[0].tilt, 0.0, tolerance):
-                        status, repeats = AT_REST, 0
     if status == AT_REST:
-        begin, remaining = (since if elapsed == 0 else 0.0), int(s.periods) - elapsed
-        last[0].swing = _let_bob_settle(buffers, limits, begin, tolerance, remaining, whole, peaks)
-    if status != OVERTURNED and not is_finite(y):
-        status = FAILED
+        last[NEWEST].swing = rest_swing
+        # A damped bob under a block at rest repeats after one period, whatever the number was before.
+        repeats = 0 if q.zeta > 0.0 else repeats
     repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)

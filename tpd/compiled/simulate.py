@@ -1,4 +1,4 @@
-"""Runs of the exact model and of the nonlinear model: `follow` and `solve_steady`.
+"""Runs of the linear model and of the nonlinear model: `follow` and `solve_steady`.
 
 Runs of NumPy arrays are computed at once, a batch on all cores. JAX may also trace a single run. The compiled
 code runs on the CPU (`tpd.compiled.calling`) and computes its own derivatives.
@@ -18,23 +18,23 @@ from jax.custom_derivatives import SymbolicZero
 from jax.lax import stop_gradient
 from jaxtyping import Array
 
-from tpd.compiled.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
+from tpd.compiled.calling import RUNS, numbers_in, parts, shape
 from tpd.compiled.columns import RUN, STEADY, TILT_PULL, TILT_RATE, WIDTH, XI
-from tpd.compiled.derivatives import moved, once, refused_in
+from tpd.compiled.derivatives import moved, once
 from tpd.compiled.rows import packed
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
 from tpd.scene.status import Status, status_of
 from tpd.theory.equations import Terms
 
-ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
-"""Compiled code of each model, by its equations."""
 TOLERANCE = 1e-6
 """Default difference between two periods that counts as settled, relative to
 `tpd.compiled.repetition.scales_of`."""
 _SETTLED, _LOOSEST = 100.0, 1e-4
 """Under the nonlinear model the difference is this multiple of the tolerance of a step, at least
 `TOLERANCE`, and at most the second number, which changed no outcome of 4 096 runs."""
+EXACT = 1e-13
+"""Relative tolerance of a step of the linear model. The errors are then rounding errors."""
 REST_RATES = {Terms.linear: 2e-7, Terms.nonlinear: 1e-4}
 """Default rate |phi'|/nu below which an impact ends in rest, if the block can then be held."""
 PERIODS = {Terms.linear: 500, Terms.nonlinear: 400}
@@ -126,6 +126,15 @@ class Run(NamedTuple):
     """Smallest rate at which the run crossed an event, divided by the usual rate."""
 
 
+def accuracy(equations: Terms, rtol: Any = EXACT) -> dict[str, Any]:
+    """Return the settings for the equations and the relative tolerance of a step.
+
+    The tolerance counts for the nonlinear model only.
+    """
+    linear = equations is Terms.linear
+    return {"linear": float(linear), "rtol": EXACT if linear else checks.tolerance("rtol", rtol)}
+
+
 class SteadyNumbers(NamedTuple):
     """Numbers of a `tpd.answers.steady_state.Steady`, in the order of its fields."""
 
@@ -208,12 +217,9 @@ def follow(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    engine = ENGINES[equations]
     limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
-    settled = TOLERANCE
-    if equations is Terms.nonlinear:
-        limits["rtol"] = checks.tolerance("rtol", rtol)
-        settled = min(max(settled, _SETTLED * rtol), _LOOSEST)
+    limits |= accuracy(equations, rtol)
+    settled = max(TOLERANCE, min(_SETTLED * limits["rtol"], _LOOSEST))
     if isinstance(forcing, GroundForcing):
         limits["events"] = GROUND_EVENTS[equations] if events is None else events
     else:
@@ -225,17 +231,17 @@ def follow(
     if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
         batch = _Batch.of(rows, y0, workers, progress)
         if isinstance(forcing, GroundForcing):
-            records = _run_under_motions(engine, batch, forcing, limits | {"brief": brief})
+            records = _run_under_motions(batch, forcing, limits | {"brief": brief})
         else:
-            records = _run_under_harmonic(engine, batch, forcing, limits)
+            records = _run_under_harmonic(batch, forcing, limits)
         runs = run_of(records)
         return runs if is_batch else jax.tree.map(lambda x: x[0, ...], runs)
     # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
     if isinstance(forcing, GroundForcing):
-        return _trace_ground_run(engine, rows, start, forcing, limits, parameters)
-    settings, times = packed(engine.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
-    (out,) = engine((shape(numbers_in(RUN)),), settings, stop_gradient(rows), stop_gradient(start), times)
+        return _trace_ground_run(rows, start, forcing, limits, parameters)
+    settings, times = packed(RUNS.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
+    (out,) = RUNS((shape(numbers_in(RUN)),), settings, stop_gradient(rows), stop_gradient(start), times)
     return run_of(out)
 
 
@@ -259,22 +265,22 @@ class _Batch(NamedTuple):
         wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
         return _Batch(starts, wide, workers, progress)
 
-    def computed(self, engine: Compiled, task: str, table: np.ndarray, /, **limits: Any) -> np.ndarray:
+    def computed(self, task: str, table: np.ndarray, /, **limits: Any) -> np.ndarray:
         """Return the records `RUN` of all runs.
 
         `table` holds the further operand of the runs: times or pieces. Settings are numbers or arrays (n,).
         """
-        entry, n = engine.entry(), len(self.rows)
+        entry, n = RUNS.entry(), len(self.rows)
         settings: Any = np.zeros(n, entry.SETTINGS)
         for name, value in {"task": getattr(entry, task), **limits}.items():
             settings[name] = value
         results = np.zeros(n, RUN)
-        engine.in_threads(n, self.workers, self.progress, settings, self.rows, self.starts, table, results)
+        RUNS.in_threads(n, self.workers, self.progress, settings, self.rows, self.starts, table, results)
         return results
 
 
 def _run_under_harmonic(
-    engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
+    batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
 ) -> np.ndarray:
     """Simulate a batch of runs under a harmonic."""
     n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
@@ -286,11 +292,11 @@ def _run_under_harmonic(
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
-    return batch.computed(engine, "SETTLE", times, **limits)
+    return batch.computed("SETTLE", times, **limits)
 
 
 def _run_under_motions(
-    engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]
+    batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]
 ) -> np.ndarray:
     """Simulate a batch of runs under ground motions."""
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
@@ -299,30 +305,23 @@ def _run_under_motions(
     # The equations contain minus the acceleration of the base.
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
     places = {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
-    return batch.computed(engine, "GROUND", pieces, **places, **limits)
+    return batch.computed("GROUND", pieces, **places, **limits)
 
 
 def _trace_ground_run(
-    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any], parameters: int
+    row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any], parameters: int
 ) -> Run:
     """Simulate one run under a ground motion, which JAX may trace."""
     (pieces,) = forcing.records
-    settings = engine.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
+    settings = RUNS.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
     # The equations contain minus the acceleration of the base.
     operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
-    if engine is LINEAR:
-        (*angles,), end, (*at, lifted, fell), out = _ground_run(*operands, parameters)
-        names = ("tilt", "swing", "rod_angle")
-        with_slopes = dict(zip((*names, *(f"settled_{name}" for name in names)), 2 * angles, strict=True))
-        with_slopes |= {"times": jnp.stack(at), "uplift_time": lifted, "overturning_time": fell}
-        with_slopes |= {"state": end[:TILT_PULL], "growing": end[TILT_PULL]}
-        return run_of(stop_gradient(out))._replace(**with_slopes)
-    x, y, c, s = map(stop_gradient, operands)
-    (out,) = engine((shape(numbers_in(RUN)),), s, x, y, c)
-    run = run_of(out)
-    # The package has no derivatives of the nonlinear model: these results get the derivative NaN.
-    names = ("tilt", "swing", "rod_angle", "times", "state", "uplift_time", "overturning_time")
-    return run._replace(**{name: refused_in(operands, getattr(run, name)) for name in names})
+    (*angles,), end, (*at, lifted, fell), out = _ground_run(*operands, parameters)
+    names = ("tilt", "swing", "rod_angle")
+    with_slopes = dict(zip((*names, *(f"settled_{name}" for name in names)), 2 * angles, strict=True))
+    with_slopes |= {"times": jnp.stack(at), "uplift_time": lifted, "overturning_time": fell}
+    with_slopes |= {"state": end[:TILT_PULL], "growing": end[TILT_PULL]}
+    return run_of(stop_gradient(out))._replace(**with_slopes)
 
 
 Limits = tuple[tuple[str, float | int], ...]
@@ -333,8 +332,7 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple
     """Return the steady state of a run under a harmonic, and the slopes of amplitude, swing and state.
 
     Args:
-        equations: linear or nonlinear. For the nonlinear model the multipliers, the Lyapunov exponent and
-            the derivatives are NaN.
+        equations: linear or nonlinear.
         x: parameters and initial state at tau = 0, shape (14,). If `x` is a NumPy array, the results are
             NumPy numbers, and no JAX program runs.
         limits: periods, events, tolerance and rest_rate. The linear model also needs `lyapunov_periods`,
@@ -342,13 +340,13 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple
             equations also need rtol.
         slopes: number of parameters, from the first on, in which to compute the slopes. The others are NaN.
     """
-    engine, settings = _steady_call(equations, limits, slopes)
+    settings = _steady_settings(equations, limits, slopes)
     if isinstance(x, np.ndarray):
         out, xp = np.empty(1, STEADY), np
-        engine.entry().run(0, 1, settings, x[:WIDTH], x[WIDTH:], out)
+        RUNS.entry().run(0, 1, settings, x[:WIDTH], x[WIDTH:], out)
         of = parts(out[0], STEADY)
     else:
-        (out,), xp = engine((shape(numbers_in(STEADY)),), settings, x[:WIDTH], x[WIDTH:]), jnp
+        (out,), xp = RUNS((shape(numbers_in(STEADY)),), settings, x[:WIDTH], x[WIDTH:]), jnp
         of = parts(out, STEADY)
     periods, elapsed = xp.asarray(of.periods, dtype=int), xp.asarray(of.elapsed, dtype=int)
     rest = periods, of.multiplier, of.symmetric == 1.0, of.lyapunov, of.state, elapsed
@@ -356,42 +354,34 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple
 
 
 @lru_cache(maxsize=8)
-def _steady_call(equations: Terms, limits: Limits, slopes: int) -> tuple[Compiled, np.ndarray]:
-    """Return the compiled code and a row of settings for a steady state."""
-    engine = ENGINES[equations]
-    return engine, np.array(engine.settings("STEADY_STATE", slopes=float(slopes), **dict(limits)))
+def _steady_settings(equations: Terms, limits: Limits, slopes: int) -> np.ndarray:
+    """Return a row of settings for a steady state."""
+    settings = {**accuracy(equations), **dict(limits)}
+    return np.array(RUNS.settings("STEADY_STATE", slopes=float(slopes), **settings))
 
 
-def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
-    """Call the compiled code for one run.
-
-    `derivatives` is 0 without derivatives, 1 with them, and 2 if those in the pieces are needed as well.
-    """
-    entry = LINEAR.entry()
-    shapes = (
-        shape(numbers_in(RUN)),
-        shape(entry.OUTPUTS, entry.INPUTS),
-        shape(entry.OUTPUTS, *pieces.shape),
-    )
-    return LINEAR(shapes[: 1 + derivatives], settings, x, y, pieces)
+def _ground_run_from(with_slopes: bool, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+    """Call the compiled code for one run, with derivatives or without."""
+    entry = RUNS.entry()
+    shapes = shape(numbers_in(RUN)), shape(entry.OUTPUTS, entry.INPUTS)
+    return RUNS(shapes[: 1 + with_slopes], settings, x, y, pieces)
 
 
-_ground_run_with_slopes = once(partial(_ground_run_from, 1))
-_ground_run_with_all_slopes = once(partial(_ground_run_from, 2))
+_ground_run_with_slopes = once(partial(_ground_run_from, True))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(4,))
 def _ground_run(
     x: Array, y: Array, pieces: Array, settings: Array, parameters: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the results of one run of the linear model under a ground motion.
+    """Return the results of one run under a ground motion.
 
     These are the three largest angles; the state at the end with the growing coordinate; the times of the
     angles, of the first uplift and of overturning; and all results as floats. Derivatives are those in the
     first `parameters`, or in all of them together with the initial state.
     """
     del parameters
-    (out,) = _ground_run_from(0, settings, x, y, pieces)
+    (out,) = _ground_run_from(False, settings, x, y, pieces)
     return _divided(out)
 
 
@@ -404,7 +394,7 @@ def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
-    entry = LINEAR.entry()
+    entry = RUNS.entry()
     column = entry.FIELDS.index
     x, y, pieces, settings = primals
     # The directions of the derivatives are the parameters, and the components of the initial state if it is
@@ -423,12 +413,12 @@ def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     )
     direction, point = jnp.concatenate([xs, ys]), jnp.concatenate([x, y])
     if not isinstance(of_pieces, SymbolicZero):
-        with_all = with_slopes.at[column("samples")].set(1.0)
-        _, by, by_forcing = _ground_run_with_all_slopes(with_all, x, y, pieces)
-        # A result without derivatives has none in the pieces either.
-        by_angles = by_end = jnp.hstack([by, by_forcing.reshape(len(by), -1) + 0.0 * by[:, :1]])
+        # The package has no derivatives in the samples of a motion.
         direction, point = jnp.append(direction, samples), jnp.append(point, pieces)
-    angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
+        by_angles, by_end = (
+            jnp.hstack([by, jnp.full((len(by), samples.size), jnp.nan)]) for by in (by_angles, by_end)
+        )
+    angles, end = moved(by_angles[ANGLES], direction, point), moved(by_end[END], direction, point)
     # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
     # a NaN reach only the program that needs this derivative.
     slopes = jnp.concatenate([by_angles[TIMES], jnp.full((1, direction.size), jnp.nan)])

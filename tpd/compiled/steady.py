@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from tpd.compiled import repetition
+from tpd.compiled import repetition, series
 from tpd.compiled.columns import (
     APERIODIC,
     APERIODIC_STATUS,
@@ -30,17 +30,16 @@ from tpd.compiled.columns import (
     STICKING,
     SYMMETRIC,
     TILT,
-    TILT_RATE,
     UNSTABLE,
     WIDTH,
     verdict_with,
 )
-from tpd.compiled.contact_kernel import decide, sign
-from tpd.compiled.follow import BEYOND, EXHAUSTED
+from tpd.compiled.contact import start_mode
+from tpd.compiled.follow import BEYOND, EXHAUSTED, set_scales
+from tpd.compiled.forcing import FIRST_PIECE, NO
 from tpd.compiled.half_map_kernel import is_neutral
-from tpd.compiled.legs import ANGLES, INPUTS, STATE
-from tpd.compiled.march import prepare_march
-from tpd.compiled.motion import FIRST_PIECE, NO, copy_to, is_finite, larger_side
+from tpd.compiled.legs import ANGLES, INPUTS, STATE, fill_plants
+from tpd.compiled.motion import copy_to, is_finite, larger_side, set_motion
 from tpd.compiled.period_map import (
     APPROACHING,
     BEST,
@@ -52,10 +51,9 @@ from tpd.compiled.period_map import (
     multipliers,
     records_of,
     residual_of,
-    set_motion,
     solve_linearised,
 )
-from tpd.compiled.plant import compiled, fill_plants, places, plant
+from tpd.compiled.plant import compiled, places
 from tpd.compiled.settle import settle
 
 _RESIDUAL = np.int64(0)
@@ -188,13 +186,14 @@ def steady_state(x, y0, s, near, buffers, out):
         return
     if near:
         # Without a simulation the motion counts as rocking at first. Its first period gives the real status.
-        plant(x, q)
-        prepare_march(q, w.march)
-        decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
+        series.prepare(x, s, q, w)
+        set_scales(q, w)
+        fill_plants(x, 0, s.linear, r)
+        start_mode(q, y, 0.0, m)
         settled.status, settled.periods, settled.elapsed = ROCKING, s.periods, 0.0
         settled.settled_tilt = settled.settled_swing = math.nan
     else:
-        settle(x, buffers, s, 0.0, 0.0, NO, settled)
+        settle(x, buffers, s, 0.0, 0.0, settled)
     outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
     copy_to(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
@@ -204,7 +203,7 @@ def steady_state(x, y0, s, near, buffers, out):
         c.amplitude, c.swing = settled.settled_tilt, settled.settled_swing
         c.transversality = c.asymmetry = math.inf
         c.by[:] = math.nan
-    limits = Limits(s.rest_rate * q.nu, int(s.events), (STATE, INPUTS), math.inf)
+    limits = Limits(int(s.events), (STATE, INPUTS), math.inf)
     # A run that has overturned or failed has no orbit.
     if outcome in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
         if outcome == NOT_SETTLED:
@@ -249,9 +248,9 @@ def steady_state(x, y0, s, near, buffers, out):
         count = int(s.slopes)
         if count > 0:
             # Newton's method needs no derivatives in the parameters. Follow the orbit once more for them.
-            fill_plants(x, count, r.plants)
+            fill_plants(x, count, s.linear, r)
             set_motion(y, c, m)
-            limits = Limits(limits.capture, limits.events, (FIRST_PIECE, count), math.inf)
+            limits = Limits(limits.events, (FIRST_PIECE, count), math.inf)
             follow_cycle(q, m, buffers, limits, periods, buffers.cycles[LATEST])
             for i in range(ANGLES + 6):
                 for j in range(count):

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.compiled.arcs import instant, rate_of, state_at, value_of
+from tpd.compiled import series
 from tpd.compiled.columns import (
     BROKEN,
     CROSSED,
@@ -31,7 +31,6 @@ from tpd.compiled.columns import (
     SLIP,
     STUCK,
     SWING,
-    SWING_PULL,
     SWING_RATE,
     TILT,
     TILT_PULL,
@@ -40,18 +39,8 @@ from tpd.compiled.columns import (
     TURNING,
     WIDTH,
 )
-from tpd.compiled.events import (
-    BOB,
-    FIRST,
-    LONGEST,
-    RELATIVE,
-    SECOND,
-    SMALL,
-    next_event,
-    turn_over,
-    watch_block,
-    watch_turns,
-)
+from tpd.compiled.follow import first_event
+from tpd.compiled.forcing import FIRST_PIECE, Load
 from tpd.compiled.half_map_kernel import (
     characteristic,
     determinants,
@@ -60,8 +49,16 @@ from tpd.compiled.half_map_kernel import (
     store_half_map,
     store_roots,
 )
-from tpd.compiled.half_period_kernel import half, path_of, solution_at, state_after
-from tpd.compiled.motion import WORKSPACE
+from tpd.compiled.half_period_kernel import (
+    half,
+    instant,
+    path_of,
+    solution_at,
+    state_after,
+    state_at,
+    value_of,
+)
+from tpd.compiled.motion import CONTINUES, LANDING, MOTION, TURN
 from tpd.compiled.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, root_in, store_brackets
 from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
 
@@ -102,7 +99,8 @@ WORK = np.dtype(
         ("table", np.float64, TABLE),
         ("brackets", BRACKET, (int(BRACKETS),)),
         ("orbit", ORBIT),
-        ("workspace", WORKSPACE),
+        ("motion", MOTION),
+        ("workspace", series.WORK),
         ("map", np.float64, (4, 4)),
         ("complex_map", np.complex128, (4, 4)),
         ("power", np.float64, (2, 4, 4)),
@@ -114,16 +112,13 @@ WORK = np.dtype(
 )
 """Workspace of all functions in this module."""
 _BROKEN, _COMPLETE, _UNPROVED = range(3)
-"""Outcomes of a path: it is no orbit; it is an orbit; or it has more events than `_WINDOWS` windows can
-prove."""
-_WINDOWS = 8192
-"""Number of windows that the event search may examine on an arc."""
+"""Outcomes of a path: it is no orbit; it is an orbit; or it has more than `_STEPS` series."""
+_STEPS, _RTOL = 4096, 1e-13
+"""Largest number of series of an arc, and their relative tolerance."""
 _EQUAL = 1e-11
 """Relative difference below which two turning points of an orbit have the same tilt."""
 _ON_TIME = 1e-6
 """Share of h by which an event may differ from the time that the conditions give."""
-_DENTS = RELATIVE
-"""Row of the signal phi''. Its zeros are the extreme values of phi'."""
 
 
 @compiled
@@ -145,7 +140,25 @@ def _status(q, largest, nearest, grazing):
 
 
 @compiled
-def _follow_path(q, m, t, gamma, path, w, orbit):
+def _smallest_dent(c, order, h, slows):
+    """Return the smallest |phi'| of a falling block where it is least within the time h, and the sign of phi''
+    at the end. `slows` is that sign at the start."""
+    smallest, t, turns = math.inf, 0.0, True
+    for n in range(order):
+        c[series.ACCELERATION, n] = (n + 1.0) * c[series.V, n + 1]
+    while turns:
+        # phi' has an extreme value where phi'' vanishes. Where phi'' turns positive, the block moves fastest.
+        # Where it turns negative, the block moves slowest and may stop: this is a dent in the rate.
+        t, turns = series.first_zero(c, series.ACCELERATION, slows, order - 1, FIRST_PIECE, t, h)
+        if turns:
+            if slows > 0.0:
+                smallest = min(smallest, -series.value_at(c, series.V, order, t))
+            slows = -slows
+    return smallest, slows
+
+
+@compiled
+def _follow_path(q, m, t, gamma, path, motion, w, orbit):
     """Follow a solution from turning point to turning point, and return whether it is an orbit.
 
     The sizes of the orbit are stored in `orbit`.
@@ -153,13 +166,14 @@ def _follow_path(q, m, t, gamma, path, w, orbit):
     The path passes all turning points of the bob, all extreme values of phi', and without friction turning
     points of the block.
     """
-    sizes, mode, swing, smallest_rate = orbit.sizes, w.trial, -1.0, math.inf
-    sizes[_PHASE], sizes[_CROSSING] = gamma, t
+    sizes, swing, smallest_rate, y, c = orbit.sizes, -1.0, math.inf, motion.y, w.series
+    sizes[_PHASE], sizes[_CROSSING], late = gamma, t, _ON_TIME * m.span
+    series.set_accuracy(q, _RTOL, w)
+    w.rate, w.swing, w.relative = q.nu * max(q.xi, 1.0), (q.nu + q.f) * max(q.xi, 1.0), False
     for after_impact in range(2):
         # First the arc before the impact, then the one after it.
         arc, arc_start, duration = (path.second, t, m.span - t) if after_impact else (path.first, 0.0, t)
-        time, here = 0.0, instant(arc, 0.0)
-        now = state_at(arc, here, time)
+        now, time = state_at(arc, instant(arc, 0.0)), 0.0
         if not after_impact:
             # The path must start at an upper turning point.
             if not (now[TILT] > 0.0 and now[TILT_PULL] < 0.0):
@@ -172,46 +186,38 @@ def _follow_path(q, m, t, gamma, path, w, orbit):
         # The impact may reverse the bob, so that |psi| may be largest at the start of an arc.
         if abs(now[SWING]) > swing:
             swing, orbit.peak = abs(now[SWING]), arc_start
-        mode.kind, mode.tilt, mode.direction = SLIP, (-1.0 if after_impact else 1.0), -1.0
-        # The signals of a slipping block do not depend on the forcing, so that any signal will do.
-        w.has_second, w.count = watch_block(q, arc, mode, arc.tilt, w), _DENTS + 1
-        # The rate of a bob that turns together with the block is a rounding error. Use the acceleration
-        # instead.
-        bob_motion = now[SWING_RATE] if abs(now[SWING_RATE]) > 1e-12 else now[SWING_PULL]
-        watch_turns(w, BOB, 1.0 if bob_motion > 0.0 else -1.0, arc.bob, arc)
-        slows = 1.0 if now[TILT_PULL] > 0.0 else -1.0
-        watch_turns(w, _DENTS, slows, rate_of(arc, arc.tilt), arc)
-        w.longest = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q)))
-        w.shortest, w.limit = SMALL * m.span, math.inf
-        w.window, w.budget, horizon = w.longest, _WINDOWS, duration + 2.0 * _ON_TIME * m.span
-        event, turns = BOB, False
-        while event >= BOB or turns:
-            event, time = next_event(arc, w, here, time, horizon)
-            here = instant(arc, time)
-            now = state_at(arc, here, time)
-            turns = event == FIRST and q.k == 0.0 and time < duration - _ON_TIME * m.span
-            if turns:
+        y[TILT], y[SWING] = (0.0 if after_impact else now[TILT]), now[SWING]
+        y[TILT_RATE], y[SWING_RATE] = (now[TILT_RATE] if after_impact else 0.0), now[SWING_RATE]
+        motion.kind, motion.tilt, motion.direction = SLIP, (-1.0 if after_impact else 1.0), -1.0
+        slows, horizon, event = (1.0 if now[TILT_PULL] > 0.0 else -1.0), duration + 2.0 * late, CONTINUES
+        for _ in range(_STEPS):
+            e = Load(q.xi, gamma + q.xi * (arc_start + time), 1.0, 0.0, 0.0, 0.0)
+            order, h = series.expand(q, motion, y, e, horizon - time, w)
+            if not h > 0.0:
+                return _BROKEN
+            event, h = first_event(q, motion, order, h, c)
+            if q.k > 0.0:
+                dent, slows = _smallest_dent(c, order, h, slows)
+                smallest_rate = min(smallest_rate, dent)
+            angle, turn = series.largest_turn(c, series.PSI, order, h, swing)
+            if abs(angle) > swing:
+                swing, orbit.peak = abs(angle), arc_start + time + turn
+            series.store_state(c, order, h, y)
+            time += h
+            if event == TURN and q.k == 0.0 and time < duration - late:
                 # An orbit with several turning points is counted once, from the largest of them. Without any
                 # loss two of them may be equal, and rounding must not decide. Then the orbit is counted from
                 # the one before the impact.
-                if abs(now[TILT]) > sizes[_AMPLITUDE] * (1.0 - _EQUAL if after_impact else 1.0 + _EQUAL):
+                if abs(y[TILT]) > sizes[_AMPLITUDE] * (1.0 - _EQUAL if after_impact else 1.0 + _EQUAL):
                     return _BROKEN
-                smallest_rate, mode.direction = min(smallest_rate, q.xi * abs(now[TILT])), -mode.direction
-                w.has_second = watch_block(q, arc, mode, arc.tilt, w)
-            if event == BOB and abs(now[SWING]) > swing:
-                swing, orbit.peak = abs(now[SWING]), arc_start + time
-            if event == _DENTS:
-                # phi' has an extreme value here. Where phi'' turns positive, the block moves fastest. Where
-                # it turns negative, the block moves slowest and may stop: this is a dent in the rate.
-                if slows > 0.0 and q.k > 0.0:
-                    smallest_rate = min(smallest_rate, -now[TILT_RATE])
-                slows = -slows
-            if event >= BOB:
-                turn_over(w, event)
-        # The events must come in the right order, and at the times that the conditions give.
-        if w.budget <= 0:
+                smallest_rate = min(smallest_rate, q.xi * abs(y[TILT]))
+                motion.direction, y[TILT_RATE] = -motion.direction, 0.0
+            elif event != CONTINUES or time >= horizon:
+                break
+        else:
             return _UNPROVED
-        if event != (FIRST if after_impact else SECOND) or not abs(time - duration) < _ON_TIME * m.span:
+        # The events must come in the right order, and at the times that the conditions give.
+        if event != (TURN if after_impact else LANDING) or not abs(time - duration) < late:
             return _BROKEN
     sizes[_STROKE], orbit.grazing = swing, smallest_rate / (q.xi * sizes[_AMPLITUDE])
     return _COMPLETE
@@ -254,7 +260,7 @@ def solve(x, work, orbits):
     bracket_count, count = store_brackets(q, m, work.table, work.brackets), 0
     overflow = bracket_count > BRACKETS
     for i in range(ORBITS):
-        orbits[i] = _NONE[FIRST]
+        orbits[i] = _NONE[FIRST_PIECE]
     for i in range(min(bracket_count, BRACKETS)):
         t, gamma, reached = root_in(q, m, work.brackets[i])
         if not reached:
@@ -262,7 +268,7 @@ def solve(x, work, orbits):
         # The phase is unique between -pi and pi.
         gamma -= 2.0 * math.pi * math.ceil((gamma - math.pi) / (2.0 * math.pi))
         path = path_of(q, m, t, gamma)
-        outcome = _follow_path(q, m, t, gamma, path, work.workspace, new)
+        outcome = _follow_path(q, m, t, gamma, path, work.motion, work.workspace, new)
         overflow = overflow or outcome == _UNPROVED
         if outcome != _COMPLETE:
             continue
@@ -333,7 +339,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
                     arc, time = path.second, (complex(orbit.peak, 0.0) if orbit.peak != t.real else t) - t
                     if orbit.peak < t.real:
                         arc, time = path.first, complex(orbit.peak, 0.0)
-                    swing = value_of(arc.bob, instant(arc, time), time)
+                    swing = value_of(arc.bob, instant(arc, time))
                     sizes[_STROKE] = swing if swing.real >= 0.0 else -swing
                 if first <= _FOLD < last:
                     _store_margins(q, m, t, path, work.complex_map, work.complex_power, sizes)

@@ -14,10 +14,10 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.compiled.calling import LINEAR, shape
-from tpd.compiled.derivatives import once, refused_in
+from tpd.compiled.calling import RUNS, shape
+from tpd.compiled.derivatives import once
 from tpd.compiled.rows import packed, row_of
-from tpd.compiled.simulate import ENGINES, REST_RATES, statuses_of
+from tpd.compiled.simulate import REST_RATES, accuracy, statuses_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import State
 from tpd.scene.status import Status
@@ -44,11 +44,11 @@ def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Arra
 
 def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
     """Call the compiled code. `slopes` is 0 without derivatives, otherwise 1."""
-    entry = LINEAR.entry()
+    entry = RUNS.entry()
     n = times.size
     shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
     with_slopes = settings.at[entry.FIELDS.index("slopes")].set(slopes)
-    return LINEAR(shapes, with_slopes, x, y, times)
+    return RUNS(shapes, with_slopes, x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -73,22 +73,15 @@ def trajectory(
     The run starts from `y0` at `times[0]`.
 
     Args:
-        equations: linear or nonlinear. Derivatives of the linear model are exact, and those of the
-            nonlinear ones are NaN.
+        equations: linear or nonlinear.
         p: parameters.
         y0: initial state (phi, psi, phi', psi').
         times: increasing times (tau).
         limits: settings by their names: events, rest_rate, and rtol for the nonlinear model.
     """
-    engine = ENGINES[equations]
-    s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))
-    operands = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
-    if equations is Terms.linear:
-        ys, status = _trajectory(*operands)
-    else:
-        x, y, clock, s = map(stop_gradient, operands)
-        ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
-        ys = refused_in(operands[:3], ys)
+    settings = {**accuracy(equations), **limits}
+    s = packed(RUNS.settings("TRAJECTORY", periods=times.size, **settings))
+    ys, status = _trajectory(jnp.asarray(row_of(p)), jnp.asarray(y0), times, s)
     (code,) = stop_gradient(status)
     return ys, statuses_of(code)
 
@@ -123,8 +116,9 @@ def history(
     # No run has more impacts, because each impact is one of its events.
     impacts = np.empty(len(pieces) + events, IMPACT)
     sizes = {"periods": len(times), "impacts": len(impacts), "pieces": len(pieces), "events": events}
-    settings = LINEAR.settings("HISTORY", **sizes, free=free, rest_rate=REST_RATES[Terms.linear])
+    options = {"free": free, "rest_rate": REST_RATES[Terms.linear], **accuracy(Terms.linear)}
+    settings = RUNS.settings("HISTORY", **sizes, **options)
     # The equations contain minus the acceleration of the base.
     operands = row, y0, np.ascontiguousarray(-pieces), times
-    LINEAR.entry().run(0, 1, np.array(settings), *operands, states, impacts, status)
+    RUNS.entry().run(0, 1, np.array(settings), *operands, states, impacts, status)
     return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))

@@ -55,9 +55,10 @@ try:
             descriptor, name, own = state.cr.fndesc, state.func_id.func_name, (state.library,)
             part = _dynfunc.make_function(descriptor.lookup_module(), name, "", 0, state.cr.env, own)
             state.cr = state.cr._replace(cfunc=part)
-            # A caller also needs the parts that this part calls, each of them once.
-            libraries = dict.fromkeys([state.library, *state.library._linking_libraries])
-            state.targetctx.insert_user_function(part, descriptor, list(libraries))
+            # A caller also needs the parts that this part calls, each of them once, and after all parts that
+            # call it: Numba drops code that nothing before it uses.
+            libraries = dict.fromkeys(reversed([state.library, *state.library._linking_libraries]))
+            state.targetctx.insert_user_function(part, descriptor, list(libraries)[::-1])
             return True
 
     _OWN = {

@@ -91,5 +91,8 @@ class Nonlinear(AbstractCompiled):
     rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
     """Rate (phi' in units of nu) below which an impact ends in rest if the block can remain at rest after it.
     The error is of the order of its square."""
+    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
+    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
+    not repeat."""
 
     equations: ClassVar[Terms] = Terms.nonlinear

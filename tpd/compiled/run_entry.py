@@ -1,4 +1,7 @@
-"""Entry point to the compiled code of the exact model (25), for XLA and for Python."""
+"""Entry point to the compiled code of runs, for XLA and for Python.
+
+Runs are simulated one by one. In a vectorised batch every run would wait for the one with the most events.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.compiled.arcs import Load, arc_from, beginning, state_at
+from tpd.compiled import series
 from tpd.compiled.columns import RUN, STEADY, SWING_PULL, TILT_PULL
 from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import (
@@ -24,6 +27,7 @@ from tpd.compiled.custom_call import (
 )
 from tpd.compiled.custom_call import FIELDS as FIELDS
 from tpd.compiled.follow import follow_ground_motion, store_results
+from tpd.compiled.forcing import FIRST_PIECE
 from tpd.compiled.legs import (
     ANGLES,
     GROWING,
@@ -38,14 +42,15 @@ from tpd.compiled.legs import (
     STATES,
     TIMES,
     UPLIFT,
+    fill_plants,
     read_derivatives,
-    read_forcing,
     store_impacts,
+    store_state_at,
     store_states,
 )
-from tpd.compiled.motion import FIRST_PIECE, LEG, YES, copy_to, larger_side
-from tpd.compiled.period_map import SIMULATED, new_buffers, records_of
-from tpd.compiled.plant import compiled, fill_plants
+from tpd.compiled.motion import END, LEG, copy_to, larger_side, record_leg
+from tpd.compiled.period_map import SIMULATED, TRIAL, new_buffers, records_of
+from tpd.compiled.plant import compiled
 from tpd.compiled.settle import settle
 from tpd.compiled.steady import steady_state
 from tpd.compiled.trajectory import trajectory
@@ -68,7 +73,7 @@ def _settle(a, first, last, buffers):
     t, out, m = view(times, (last, 2), np.float64), view(results, (last,), RUN), buffers.motions[SIMULATED]
     for n in range(first, last):
         copy_to(y[n], m.y)
-        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
+        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])
 
 
 @compiled
@@ -122,21 +127,21 @@ def _follow_ground(a, first, last, history, buffers):
     """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
 
     Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
-    `RUN`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
-    statuses.
+    `RUN` and derivatives; for a history states, impacts and statuses.
     """
     (s, x, y), (_, _, _, forcing, results, by, arrivals, ends) = inputs_of(a, last), addresses_in(a)
     no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
-    q, m, w, r = records_of(buffers)
+    (q, m, w, r), now, here = records_of(buffers), np.empty(6), np.empty(1, LEG)
     for n in range(first, last):
         f = pieces(forcing, s[n], n)
+        series.prepare(x[n], s[n], q, w)
         # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
         # system assigns memory only when it is written, so that a large array costs nothing.
         capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
         legs = np.empty(capacity, LEG) if slopes or history else no_legs
         while True:
             copy_to(y[n], m.y)
-            status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
+            status = follow_ground_motion(q, f, m, legs, w, s[n], buffers.motions[TRIAL])
             # Without derivatives no legs are needed.
             if m.n_legs <= len(legs) or not (slopes or history):
                 break
@@ -144,27 +149,25 @@ def _follow_ground(a, first, last, history, buffers):
         if history:
             count, n_impacts = int(s[n].periods), int(s[n].impacts)
             times, size = view(results, (last, count), np.float64), (last, count, STATES)
-            store_states(q, f, legs, m.n_legs, times[n], view(by, size, np.float64)[n])
+            store_states(q, f, legs, m.n_legs, times[n], w, view(by, size, np.float64)[n])
             store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
             view(ends, (last,), np.float64)[n] = status
             continue
         out = view(results, (last,), RUN)[n]
         store_results(m, status, out)
+        if not slopes:
+            continue
+        inputs, count = int(s[n].slopes), m.n_legs
+        # Derivatives that do not exist are never written, and must be NaN.
+        table[:] = math.nan
+        fill_plants(x[n], min(inputs, STATE), s[n].linear, r)
+        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
+        _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
         # The accelerations at the end, where no forcing acts.
-        arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        end = state_at(arc, beginning(arc), 0.0)
-        out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
-        if slopes:
-            inputs = int(s[n].slopes)
-            # Derivatives that do not exist are never written, and must be NaN.
-            table[:] = math.nan
-            fill_plants(x[n], min(inputs, STATE), r.plants)
-            out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
-            _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
-            if s[n].samples != 0.0:
-                by_forcing = view(arrivals, (last, OUTPUTS, int(s[n].pieces), 4), np.float64)[n]
-                by_forcing[:] = 0.0
-                read_forcing(q, f, m, legs, r, by_forcing)
+        m.n_legs = 0
+        record_leg(m, here, f.pieces, s[n].free, 0.0, 4, END)
+        store_state_at(q, f, here[0], 0.0, w, now)
+        out.state[TILT_PULL], out.state[SWING_PULL], m.n_legs = now[TILT_PULL], now[SWING_PULL], count
 
 
 @compiled

@@ -1,9 +1,13 @@
-"""Taylor series of a motion of the nonlinear equations (4), and the events of a series.
+"""Taylor series of a motion of the linear equations (25) or of the nonlinear equations (4), and their events.
 
-Each function in the equations is a product, a quotient, a sine or a cosine of others. Its coefficient of
-order n follows from lower coefficients of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99).
-The series gives the motion at all times of a step, to within the tolerance. A bound on its second derivative
+The coefficients of order n + 1 follow from those of order n. Under (25) they are a linear function of them.
+Each function in (4) is a product, a quotient, a sine or a cosine of others, so that its coefficient of order
+n follows from lower coefficients of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). The
+series gives the motion at all times of a step, to within the tolerance. A bound on its second derivative
 proves where a signal has no event.
+
+The series hold for real and for complex numbers. Complex numbers give derivatives: an input with the
+imaginary part `STEP` gives results whose imaginary parts are `STEP` times their derivatives.
 """
 
 from __future__ import annotations
@@ -13,7 +17,6 @@ import math
 import numpy as np
 
 from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.compiled.events import HALVED
 from tpd.compiled.plant import coefficients, compiled, places
 
 ORDERS = 32
@@ -23,15 +26,15 @@ PHI, V, PSI, R, APART, APART_RATE, FORCE = places(7)
 _A, _B, _SIN, _COS, _S, _C, _CV, _CR, _ACC, _SWING = places(17, 7)
 """Rows of the terms of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
 arms, C phi' and C psi', and both accelerations."""
-VALUE, _SLOPE = places(2)
+VALUE, SLOPE = places(2)
 """Columns of the coefficients of orders zero and one, which are value and slope at the start of the
 series."""
 _OF_BLOCK, _OF_BOB, _OF_HELD = places(3)
 """Indices of the allowed errors: those of the rates of block and bob, and that of the moment on a held
 block."""
-UP, DOWN = places(19, 17)
-"""Rows of the signals that release a held block."""
-ROWS = 19
+UP, DOWN, ACCELERATION = places(20, 17)
+"""Rows of the signals that release a held block, and of phi'' for `tpd.compiled.symmetric_orbit_kernel`."""
+ROWS = 20
 """Number of rows."""
 WORK = np.dtype(
     [
@@ -50,6 +53,8 @@ both rates and of the moment on a held block; the largest `order`; the relative 
 is computed (`relative`)."""
 _NONE = np.int64(0)
 """Zero, as a NumPy scalar."""
+_HALVED = 60
+"""Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
 _PROVED, _TINY = 60, 1e-15
 """Number of steps of a proof, and the share of its size at which a signal counts as zero."""
 SLACK = 100.0 * _TINY
@@ -58,24 +63,33 @@ SLACK = 100.0 * _TINY
 It is larger than the share at which a signal counts as zero. Otherwise an excitation that just balances the
 weight would release the block again and again.
 """
+_OVER = 1.0 / np.arange(1.0, ORDERS + 2.0)
+"""1/(n + 1) for n = 0, 1, 2, ..."""
 
 
 @compiled
 def prepare(x, s, q, w):
     """Prepare plant and workspace for the parameters `x` and the settings `s`."""
-    coefficients(x, q)
+    coefficients(x, s.linear, q)
     q.slack = SLACK * (q.k + q.weight)
-    w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
+    w.capture = s.rest_rate * q.nu
+    set_accuracy(q, s.rtol, w)
+
+
+@compiled
+def set_accuracy(q, rtol, w):
+    """Set the relative tolerance of a step, and the largest order of a series."""
+    w.rtol, w.inverse[_OF_HELD] = rtol, 1.0 / (rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
     # few more for the work of a step apart from its series. A held block needs two more columns.
-    w.order = max(4, min(ORDERS - 3, 7 + int(-0.5 * math.log(s.rtol))))
+    w.order = max(4, min(ORDERS - 3, 7 + int(-0.5 * math.log(rtol))))
 
 
 @compiled
 def _expand_forcing(q, e, order, c):
-    """Write the coefficients of f times the forcing `e` into the series, see `tpd.compiled.arcs.Load`."""
+    """Write the coefficients of f times the forcing `e` into the series, see `tpd.compiled.forcing.Load`."""
     force = c[FORCE]
-    if e.xi == 0.0:
+    if e.xi.real == 0.0:
         for n in range(4, order + 1):
             force[n] = 0.0
         for n, coefficient in enumerate((e.e0, e.e1, e.e2, e.e3)):
@@ -83,11 +97,10 @@ def _expand_forcing(q, e, order, c):
         return
     # The series of a sine times a linear function: each pass differentiates sine and cosine, and divides by n
     # + 1.
-    sine, cosine, before = q.f * math.sin(e.phase), q.f * math.cos(e.phase), 0.0
+    sine, cosine, before = q.f * np.sin(e.phase), q.f * np.cos(e.phase), 0.0 * e.phase
     for n in range(order + 1):
         force[n] = e.e0 * sine + e.e1 * before
-        before = sine
-        by = e.xi / (n + 1.0)
+        before, by = sine, e.xi * _OVER[n]
         sine, cosine = by * cosine, -by * sine
 
 
@@ -97,8 +110,8 @@ def _term(c, n, inverse):
 
     The coefficients are those of both rates, and of the signals of a held block.
     """
-    rates = max(abs(c[V, n]) * inverse[_OF_BLOCK], abs(c[R, n]) * inverse[_OF_BOB])
-    return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[_OF_HELD])
+    rates = max(abs(c[V, n].real) * inverse[_OF_BLOCK], abs(c[R, n].real) * inverse[_OF_BOB])
+    return max(rates, max(abs(c[UP, n].real), abs(c[DOWN, n].real)) * inverse[_OF_HELD])
 
 
 @compiled
@@ -108,26 +121,52 @@ def _is_converged(c, n, power, former, inverse):
 
 
 @compiled
-def _expand_slipping(q, m, remaining, w):
-    """Compute the series of a moving block, and return its order.
+def _expand_linear(q, m, remaining, most, inverse, c):
+    """Compute the series of a moving block under (25), see `_expand_slipping`."""
+    # Weight and friction are constants, so that the tilt is measured from their equilibrium.
+    centre, by_det = (m.tilt * q.weight + m.direction * q.k) / q.up, 1.0 / (q.m11 * q.m22 - q.m12 * q.m21)
+    a11, a12, a21, a22 = by_det * q.m22, -by_det * q.m12, -by_det * q.m21, by_det * q.m11
+    up, c1, c2 = q.up, q.c1, q.c2
+    phi, psi, v, r = c[PHI, VALUE] - centre, c[PSI, VALUE], c[V, VALUE], c[R, VALUE]
+    of_block, of_bob, power, former = inverse[_OF_BLOCK], inverse[_OF_BOB], 1.0, math.inf
+    for n in range(most):
+        slip, force, by = v - r, c[FORCE, n], _OVER[n]
+        r1, r2 = up * (phi - force) - c1 * slip, force - psi + c2 * slip
+        phi, psi = by * v, by * r
+        v, r = by * (a11 * r1 + a12 * r2), by * (a21 * r1 + a22 * r2)
+        c[PHI, n + 1], c[PSI, n + 1], c[V, n + 1], c[R, n + 1] = phi, psi, v, r
+        power *= remaining
+        if n >= 3:
+            term = max(abs(v.real) * of_block, abs(r.real) * of_bob) * power
+            if term <= 1.0 and former <= 1.0:
+                return n + 1
+            former = term
+    # The signals of a held block, of which the last orders are read.
+    for n in range(most - 1, most + 1):
+        c[UP, n] = c[DOWN, n] = 0.0
+    return most
 
-    This is the largest order, or a smaller one that is sufficient for the time `remaining`.
+
+@compiled
+def _expand_slipping(q, m, remaining, most, inverse, c):
+    """Compute the series of a moving block under (4), and return its order.
+
+    This is `most`, or a smaller one that is sufficient for the time `remaining`.
     """
-    c, pull, rho = w.series, -q.m12 / q.kappa, -q.m21 / q.kappa
-    weight, lever, high = m.tilt * q.weight, m.tilt * q.nu, q.kappa
+    pull, rho, weight, lever, high = q.pull, q.rho, m.tilt * q.weight, m.tilt * q.nu, q.kappa
     phi, psi = c[PHI, VALUE], c[PSI, VALUE]
-    sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
+    sp, cp, sq, cq = np.sin(phi), np.cos(phi), np.sin(psi), np.cos(psi)
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
     c[_S, VALUE], c[_C, VALUE] = lever * sine + high * cosine, lever * cosine - high * sine
     lever = c[_S, VALUE]
     # Friction is a constant, so that only order zero has it.
-    friction, by_det = -m.direction * q.k, 1.0 / (q.m11 * q.m22 - pull * rho * lever * lever)
+    friction, by_det = -m.direction * q.k + 0.0 * lever, 1.0 / (q.m11 * q.m22 - pull * rho * lever * lever)
     # Each pass adds one order to all rows. The sums are products of series (Cauchy products).
     power, former = 1.0, 1.0
-    for n in range(w.order):
-        a1 = b1 = s1 = c1 = cv = cr = c_sum = gb = gc = crr = cvv = on_bob = on_block = 0.0
+    for n in range(most):
+        a1 = b1 = s1 = c1 = cv = cr = c_sum = gb = gc = crr = cvv = on_bob = on_block = 0.0 * lever
         c[APART_RATE, n] = c[V, n] - c[R, n]
         # The sums of these four rows need terms of this order, which are added below.
         c[_CV, n] = c[_CR, n] = c[_ACC, n] = c[_SWING, n] = 0.0
@@ -153,41 +192,57 @@ def _expand_slipping(q, m, remaining, w):
         # Order n of the equations, which are solved for the accelerations of this order.
         r1 = c[_A, n] - gb - pull * (crr - on_block) - q.c1 * c[APART_RATE, n] + friction
         r2 = gc - c[_SIN, n] + rho * (cvv + on_bob) + q.c2 * c[APART_RATE, n]
-        friction = 0.0
+        friction = 0.0 * lever
         c[_ACC, n] = by_det * (q.m22 * r1 + pull * lever * r2)
         c[_SWING, n] = by_det * (q.m11 * r2 + rho * lever * r1)
         # Integrate: order n of a rate gives order n + 1 of the function.
-        by = 1.0 / (n + 1.0)
+        by = _OVER[n]
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
         c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
         c[_S, n + 1], c[_C, n + 1] = by * (cv - cr), by * c_sum
         c[UP, n + 1] = c[DOWN, n + 1] = 0.0
         former, power = power, power * remaining
-        if n >= 3 and _is_converged(c, n + 1, power, former, w.inverse):
+        if n >= 3 and _is_converged(c, n + 1, power, former, inverse):
             return n + 1
-    return w.order
+    return most
 
 
 @compiled
-def _expand_held(q, m, remaining, w):
-    """Compute the series of the bob under a held block, and return its order.
+def _expand_held_linear(q, m, remaining, most, inverse, c):
+    """Compute the series of the bob under a held block under (25), see `_expand_held`."""
+    up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
+    hold, power, former, still = q.k + q.slack, 1.0, 1.0, q.up * c[PHI, VALUE]
+    for n in range(most + 1):
+        by, moment = _OVER[n], still - c[FORCE, n] - (q.up - 1.0) * c[PSI, n] + q.bias * c[R, n]
+        c[PHI, n + 1], c[V, n], c[PSI, n + 1] = 0.0, 0.0, by * c[R, n]
+        c[R, n + 1] = by * (c[FORCE, n] - c[PSI, n] - q.c2 * c[R, n]) / q.m22
+        c[UP, n], c[DOWN, n] = hold + up * q.weight - moment, hold - down * q.weight + moment
+        up, down, hold, still = 0.0, 0.0, 0.0 * hold, 0.0 * still
+        if n > 4 and _is_converged(c, n, power, former, inverse):
+            return n
+        former, power = power, power * remaining
+    return most
+
+
+@compiled
+def _expand_held(q, m, remaining, most, inverse, c):
+    """Compute the series of the bob under a held block under (4), and return its order.
 
     This includes the signals that are positive until the block is released.
     """
-    c = w.series
-    sp, cp = math.sin(c[PHI, VALUE]), math.cos(c[PHI, VALUE])
+    sp, cp = np.sin(c[PHI, VALUE]), np.cos(c[PHI, VALUE])
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
-    c[_SIN, VALUE], c[_COS, VALUE] = math.sin(c[PSI, VALUE]), math.cos(c[PSI, VALUE])
-    hold, pull, power, former = q.k + q.slack, -q.m12 / q.kappa, 1.0, 1.0
-    for n in range(w.order + 2):
-        gc = s1 = c1 = 0.0
+    c[_SIN, VALUE], c[_COS, VALUE] = np.sin(c[PSI, VALUE]), np.cos(c[PSI, VALUE])
+    hold, pull, power, former = q.k + q.slack, q.pull, 1.0, 1.0
+    for n in range(most + 2):
+        gc = s1 = c1 = 0.0 * sp
         for j in range(n + 1):
             i = n - j
             gc += c[FORCE, j] * c[_COS, i]
             s1 += c[_COS, j] * c[R, i]
             c1 -= c[_SIN, j] * c[R, i]
-        by = 1.0 / (n + 1.0)
+        by = _OVER[n]
         c[PHI, n + 1] = c[V, n] = 0.0
         c[PSI, n + 1] = by * c[R, n]
         c[R, n + 1] = by * (gc - c[_SIN, n] - q.c2 * c[R, n]) / q.m22
@@ -202,27 +257,51 @@ def _expand_held(q, m, remaining, w):
             of_side = pull * q.nu * along - q.weight * (weight * cp + force * sp)
             c[UP, before] = weight * hold - on_block - up * of_side
             c[DOWN, before] = weight * hold + on_block + down * of_side
-            if n > 4 and _is_converged(c, before, power, former, w.inverse):
+            if n > 4 and _is_converged(c, before, power, former, inverse):
                 return before
             former, power = power, power * remaining
-    return w.order
+    return most
 
 
 @compiled
-def expand(q, m, e, remaining, w):
-    """Compute the series of a motion from its state on under the forcing `e`.
+def terms(q, m, e, remaining, most, inverse, c):
+    """Compute the series of a motion under the forcing `e`, and return its order.
+
+    `c` has the state in the column `VALUE`. For complex numbers the time `remaining` is infinite, and the
+    order is `most`.
+    """
+    _expand_forcing(q, e, most + 1, c)
+    if q.linear.real != 0.0:
+        if m.kind == SLIP:
+            return _expand_linear(q, m, remaining, most, inverse, c)
+        return _expand_held_linear(q, m, remaining, most, inverse, c)
+    if m.kind == SLIP:
+        return _expand_slipping(q, m, remaining, most, inverse, c)
+    return _expand_held(q, m, remaining, most, inverse, c)
+
+
+@compiled
+def load_state(y, c):
+    """Write a state into the column `VALUE` of a series."""
+    c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+
+
+@compiled
+def expand(q, m, y, e, remaining, w):
+    """Compute the series of a motion from the state `y` on under the forcing `e`.
 
     Returns the order, and the time (at most `remaining`) for which the error is allowed. This time is NaN if
     the series is not finite.
     """
-    y, c, inverse, smallest = m.y, w.series, w.inverse, math.inf
-    c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+    c, inverse, smallest = w.series, w.inverse, math.inf
+    load_state(y, c)
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
-    _expand_forcing(q, e, w.order + 1, c)
-    order = _expand_slipping(q, m, remaining, w) if m.kind == SLIP else _expand_held(q, m, remaining, w)
+    order = terms(q, m, e, remaining, w.order, inverse, c)
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
+    if order < w.order:
+        return order, remaining
     # The last two terms give the length of the step.
     for n in range(order - 1, order + 1):
         term = _term(c, n, inverse)
@@ -231,6 +310,17 @@ def expand(q, m, e, remaining, w):
         if term > 0.0:
             smallest = min(smallest, -math.log(term) / n)
     return order, min(remaining, math.exp(smallest))
+
+
+@compiled
+def value_and_slope(c, row, order, t):
+    """Return the value of a series and its rate at the time `t`."""
+    value = c[row, order]
+    slope = 0.0 * value
+    for n in range(order - 1, -1, -1):
+        slope = slope * t + value
+        value = value * t + c[row, n]
+    return value, slope
 
 
 @compiled
@@ -250,7 +340,7 @@ def time_at_limit(c, row, order, limit, h):
     """
     # This happens once, at the end of a run. Bisection is fast enough, and cannot fail.
     lo, hi = 0.0, h
-    for _ in range(HALVED):
+    for _ in range(_HALVED):
         t = 0.5 * (lo + hi)
         if abs(value_at(c, row, order, t)) < limit:
             lo = t
@@ -272,7 +362,7 @@ def store_state(c, order, t, y):
 
 
 @compiled
-def _first_zero(c, row, sign, order, first, t, h):
+def first_zero(c, row, sign, order, first, t, h):
     """Return the first time from t on at which a signal vanishes, and whether it does so before h.
 
     The signal is `sign` times the series, divided by the power `first` of the time. Without a zero the
@@ -333,7 +423,7 @@ def positive_until(c, row, sign, order, floor, h):
         first, power = first + 1, power * h
     if not sign * c[row, first] > 0.0:
         return 0.0, True
-    return _first_zero(c, row, sign, order, first, 0.0, h)
+    return first_zero(c, row, sign, order, first, 0.0, h)
 
 
 @compiled
@@ -351,9 +441,9 @@ def largest_turn(c, row, order, h, threshold):
     # In most steps the angle is far from its largest value.
     if bound <= threshold:
         return best, at
-    sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, _SLOPE])
+    sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, SLOPE])
     for _ in range(order):
-        t, turns = _first_zero(c, rate, sign, order, _NONE, t, h)
+        t, turns = first_zero(c, rate, sign, order, _NONE, t, h)
         if not turns:
             break
         value, sign = value_at(c, row, order, t), -sign
