@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from tpd.compiled import series
-from tpd.compiled.columns import SLIP, SWING, SWING_RATE, TILT, TILT_RATE, WIDTH
+from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE, WIDTH
 from tpd.compiled.contact import impact
 from tpd.compiled.forcing import forcing_now, load_at, span_of
 from tpd.compiled.motion import (
@@ -145,6 +145,9 @@ def carry_through_leg(r, f, leg, directions, angles, m, n, by):
     first, last = directions
     for j in range(first, last):
         q, before, y = _plant(r, j), r.shift[j], leg.y
+        # A block on its base, or held at a tilt, forgets how it came there.
+        if leg.kind != SLIP:
+            r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.kind == REST else r.dy[TILT, j]), 0.0
         c[series.PHI, series.VALUE] = complex(y[TILT], r.dy[TILT, j] * STEP)
         c[series.PSI, series.VALUE] = complex(y[SWING], r.dy[SWING, j] * STEP)
         c[series.V, series.VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)

@@ -37,9 +37,6 @@ from tpd.compiled.repetition import LONGEST, NEWEST
 
 _PERIODS_PER_SEARCH = 24
 """Number of forcing periods that can be simulated in the time of one search for an orbit of period one."""
-_STILL = 1e-3
-"""Largest change of the bob's state in a period, in shares of its scale, at which the motion to which the bob
-settles is solved for."""
 _STEPS, _CLOSED, _DIFFERENCE = 12, 1e-9, 1e-4
 """Bound on the steps of this solution; its largest residual, and the step of its differences, in shares of
 the scales."""
@@ -92,10 +89,10 @@ def _settled_swing(q, m, legs, w, scales, remaining, trial, peaks):
     # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
     # the product of both.
     attracts = abs(2.0 + a + d) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
-    # While the bob settles, its own swing adds to the moment on the block. Small angles give this share, and
-    # twice of it includes the rest.
+    # While the bob settles, its own swing adds to the moment on the block. Its energy never grows, which gives
+    # this share under (25). Under (4) twice of it includes the rest.
     own, slack = math.hypot(m.y[SWING] - psi, span * (m.y[SWING_RATE] - rate)), q.slack
-    q.slack -= 2.0 * own * (q.up - 1.0 + abs(q.bias) / span)
+    q.slack -= (1.0 if q.linear != 0.0 else 2.0) * own * (q.up - 1.0 + abs(q.bias) / span)
     is_held = error <= _CLOSED and attracts and _stays_held(q, m, legs, w, psi, rate, trial)
     q.slack, swing, u, v = slack, largest(trial, SWING), m.y[SWING], m.y[SWING_RATE]
     while is_held and remaining > 0 and (q.zeta == 0.0 or swing + own > peaks[SWING]):
@@ -137,34 +134,19 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
 
 
 @compiled
-def _is_still(q, m, before):
-    """Whether the block was at rest, or held at a tilt, for a whole period with an almost steady bob.
+def _may_rest(q, m, before, peak, tolerance):
+    """Whether the block may be held permanently: at rest, or at the tilt of one period earlier.
 
-    `before` is the state one period earlier.
-    """
-    y = m.y
-    is_resting = m.kind == REST and largest(m, TILT) == 0.0
-    is_sticking = m.kind == STICK and y[TILT] == before[TILT]
-    angles = max(abs(y[TILT] - before[TILT]), abs(y[SWING] - before[SWING]))
-    rates = max(abs(y[TILT_RATE] - before[TILT_RATE]), abs(y[SWING_RATE] - before[SWING_RATE]))
-    change = max(angles, rates / q.xi) / (q.nu + q.f)
-    return (is_resting or is_sticking) and (change < _STILL or q.mu == 0.0)
-
-
-@compiled
-def _falls_to_rest(q, m, peak, tolerance):
-    """Whether the hops of a block are so low that they no longer matter. If so, put the block on its base.
-
-    `peak` is the largest tilt of the last period.
+    `before` is the state one period earlier, and `peak` the largest tilt since then. If the hops of a block
+    are so low that they no longer matter, put the block on its base.
     """
     # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
     # strong friction do not end like this: friction holds the block a little above its base until the moment
     # has changed its sign. One hop then takes a large part of a period, and each hop is smaller than the
     # last.
-    low = m.kind == STICK and 0.0 < max(peak, abs(m.y[TILT])) < tolerance * q.nu
-    if low:
+    if m.kind == STICK and 0.0 < max(peak, abs(m.y[TILT])) < tolerance * q.nu:
         m.kind, m.tilt, m.direction, m.y[TILT], m.y[TILT_RATE] = REST, 0.0, 0.0, 0.0, 0.0
-    return low
+    return m.kind == REST or (m.kind == STICK and m.y[TILT] == before[TILT])
 
 
 @compiled
@@ -189,7 +171,7 @@ def settle(x, buffers, s, since, ramp, out):
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
     count, status, repeats, elapsed = (1 if since == 0.0 else 0), NOT_SETTLED, 0, 0
-    search, wait, rest_swing = 0, 0, math.nan
+    search, wait, trials, rest_swing = 0, 0, 0, math.nan
     while elapsed < s.periods and status == NOT_SETTLED:
         if elapsed > 0:
             f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0)
@@ -202,13 +184,13 @@ def settle(x, buffers, s, since, ramp, out):
         # States before the excitation became steady do not count for a repetition or for rest.
         is_steady = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
-        is_still = is_steady and count > 0 and _is_still(q, m, last[NEWEST].y)
-        is_still = is_still or (is_steady and _falls_to_rest(q, m, peak, tolerance))
+        is_held = is_steady and _may_rest(q, m, last[NEWEST].y, peak, tolerance)
         count = repetition.store_period(last, count if is_steady else 0, y, peak, swing, m.hold_level)
         was_held = repeats > 0 and repetition.was_held(last, repeats)
-        if (is_still or was_held) and elapsed >= wait:
+        if is_held and elapsed >= wait:
             rest_swing = _settled_swing(q, m, legs, w, scales, int(s.periods) - elapsed, trial, peaks)
-            wait = elapsed + _STEPS
+            trials += 1
+            wait = elapsed + trials
         if ended == NOT_FINITE or not is_finite(y):
             status = FAILED
         elif ended != ARRIVED:
@@ -218,7 +200,7 @@ def settle(x, buffers, s, since, ramp, out):
             status, rest_swing = AT_REST, 0.0
             for j in range(repeats):
                 rest_swing = max(rest_swing, last[j].swing)
-        elif math.isfinite(rest_swing) or (is_still and q.mu == 0.0):
+        elif math.isfinite(rest_swing) or (was_held and q.mu == 0.0):
             # The block is at rest under a massless bob whether or not its swing is known.
             status, peaks[SWING] = AT_REST, peaks[SWING] + 0.0 * rest_swing
         elif repeats > 0 and not was_held:
