@@ -61,13 +61,15 @@ def decide(q, y, tilt, direction, eta, mode):
     `tilt` is the sign of phi, 0 on the base, and `direction` the sign of phi', 0 at a turning point. `eta` is
     the forcing.
     """
-    # A block that does not move stays held as long as friction balances the excess moment. On the base each
-    # direction has an excess of its own, because weight resists both. From the base the block tilts to the
-    # side to which it moves.
-    up = excess(q, y[TILT], y[SWING], y[SWING_RATE], 1.0 if tilt == 0.0 else tilt, eta)
-    down = excess(q, y[TILT], y[SWING], y[SWING_RATE], -1.0, eta) if tilt == 0.0 else up
-    friction = q.k + q.slack
-    lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
+    lifts = 0.0
+    if direction == 0.0:
+        # A block that does not move stays held as long as friction balances the excess moment. On the base
+        # each direction has an excess of its own, because weight resists both. From the base the block tilts
+        # to the side to which it moves.
+        side, friction = (1.0 if tilt == 0.0 else tilt), q.k + q.slack
+        up = excess(q, y[TILT], y[SWING], y[SWING_RATE], side, eta)
+        down = excess(q, y[TILT], y[SWING], y[SWING_RATE], -1.0, eta) if tilt == 0.0 else up
+        lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
     heading = direction if direction != 0.0 else lifts
     held_kind = STICK if tilt != 0.0 else REST
     mode.kind = SLIP if heading != 0.0 else held_kind

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from tpd.compiled import series
 from tpd.compiled.columns import (
     APART,
@@ -47,12 +49,15 @@ from tpd.compiled.motion import (
 )
 from tpd.compiled.plant import compiled
 from tpd.compiled.repetition import scales_of
+from tpd.compiled.strides import stride
 
 ARRIVED, BEYOND, EXHAUSTED, NOT_FINITE = range(4)
 """Outcomes of a part of a run: it arrived at its end; the tilt is beyond return; the bound on events was
 reached; or the series is not finite."""
 MAX_STEPS = 20_000
 """Bound on the number of series for one piece of the forcing."""
+_LOWEST = np.int64(4)
+"""Order of the series of a leg of zero length."""
 _UNDECIDED = 64
 """Bound on the periods after the free motion of a run in which the block can overturn. A motion without
 losses can rock permanently with enough energy to overturn."""
@@ -65,7 +70,7 @@ _COARSER, _QUICKEST = 20.0, 1e-4
 
 
 @compiled
-def first_event(q, m, order, h, c):
+def first_event(q, m, order, h, w):
     """Return the first event within the time h, and its time.
 
     Without an event, return the time until which this is proved.
@@ -75,16 +80,16 @@ def first_event(q, m, order, h, c):
         event, until = CONTINUES, h
         for side in (RELEASE_UP, RELEASE_DOWN):
             row = series.UP if side == RELEASE_UP else series.DOWN
-            t, vanishes = series.positive_until(c, row, 1.0, order, q.k + q.weight, until)
+            t, vanishes = series.positive_until(w, row, 1.0, order, q.k + q.weight, until)
             if vanishes or t < until:
                 event, until = (side if vanishes else CONTINUES), t
         return event, until
     # The acceleration is a difference of moments, and less accurate than the moments that release the block.
-    until, turns = series.positive_until(c, series.V, m.direction, order, 10.0 * (q.k + q.weight) * h, h)
+    until, turns = series.positive_until(w, series.V, m.direction, order, 10.0 * (q.k + q.weight) * h, h)
     # Until its turning point the block moves in one direction. It has landed if its tilt has changed its sign
     # by then.
-    if m.tilt != m.direction and m.tilt * series.value_at(c, series.PHI, order, until) <= 0.0:
-        landing, vanishes = series.positive_until(c, series.PHI, m.tilt, order, 0.0, until)
+    if m.tilt != m.direction and m.tilt * series.value_at(w, series.PHI, order, until) <= 0.0:
+        landing, vanishes = series.positive_until(w, series.PHI, m.tilt, order, 0.0, until)
         # If the landing almost grazes the base, the proof may end before the landing. The next series
         # continues from there.
         return (LANDING if vanishes or landing == until else CONTINUES), landing
@@ -121,12 +126,12 @@ def _pass_event(q, m, legs, event, at_once, pull, w, eta):
 
 
 @compiled
-def _update_at_turns(m, k, c, order, h, tau):
+def _update_at_turns(m, k, w, order, h, tau):
     """Update the largest angle k where the angle turns within the time h from `tau` on.
 
     `k` is an index of angles in both `MOTION` and the series. Of both sides only the larger one is valid.
     """
-    angle, t = series.largest_turn(c, k, order, h, m.peaks[larger_side(m, k // 2)])
+    angle, t = series.largest_turn(w, k, order, h, m.peaks[larger_side(m, k // 2)])
     update_angle(m, k if angle > 0.0 else k + 1, abs(angle), tau, t)
 
 
@@ -137,36 +142,45 @@ def advance(q, f, m, legs, w, i, s, end):
     This updates the state, the mode and the counters of `m`, and records its legs. Returns one of `ARRIVED`,
     `BEYOND`, `EXHAUSTED` and `NOT_FINITE`.
     """
-    y, c, origin = m.y, w.series, i * span_of(q, f)
+    y, origin, limit = m.y, i * span_of(q, f), beyond_return(q)
+    # Strides record no legs.
+    strides = q.linear != 0.0 and len(legs) == 0 and f.rate == 0.0 and (f.harmonic or s == 0.0)
     for _ in range(MAX_STEPS):
+        if strides:
+            s = stride(q, f, m, w, i, s, end, limit)
+            strides = f.harmonic and w.stride > 0.0
+            if s == end:
+                return ARRIVED
         remaining, tau = end - s, origin + s
         if remaining <= 1e-14 * w.period:
             # If parameters move the last event, the motion moves at the end of the piece as well. The
             # derivatives need this last leg, though its length is zero.
-            record_leg(m, legs, i, s, 0.0, 4, END)
+            record_leg(m, legs, i, s, 0.0, _LOWEST, END)
+            m.n_legs += 1
             return ARRIVED
-        order, h = series.expand(q, m, y, load_at(q, f, i, s), remaining, w)
+        reach = min(remaining, 1.5 * w.stride) if strides else remaining
+        order, h = series.expand(q, m, y, load_at(q, f, i, s), reach, w)
         # A step that is too short, or NaN, means that the series does not converge.
         if not h >= min(remaining, 1e-13 * w.period):
             return NOT_FINITE
         # No step is ever repeated, because the length of a step follows from its series.
-        event, h = first_event(q, m, order, h, c)
-        tilt = series.value_at(c, series.PHI, order, h)
-        overturned = not abs(tilt) < beyond_return(q)
+        event, h = first_event(q, m, order, h, w)
+        arrives = event == CONTINUES and h == remaining
+        record_leg(m, legs, i, s, h, order, END if arrives else event)
+        series.store_state(w, order, h, y)
+        overturned = not abs(y[TILT]) < limit
         if overturned:
             # Steps end at turning points of the block, so that the tilt has increased up to the end of this
             # step. Locate the time at which it reaches the limit.
-            event, h = CONTINUES, series.time_at_limit(c, series.PHI, order, beyond_return(q), h)
-        arrives = event == CONTINUES and h == remaining
-        record_leg(m, legs, i, s, h, order, END if arrives else event)
-        m.n_legs -= 1
-        series.store_state(c, order, h, y)
-        # The tilt is largest at events, which are ends of steps. The bob may turn within a step. The angles
-        # of a block that overturns are not results.
+            h = series.time_at_limit(w, series.PHI, order, limit, h)
+            if m.n_legs < len(legs):
+                legs[m.n_legs].duration, legs[m.n_legs].event = h, CONTINUES
+            series.store_state(w, order, h, y)
+        # The tilt is largest at events, which are ends of steps. The bob may turn within a step.
         update_angles(m, y[TILT], y[SWING], tau, h)
-        _update_at_turns(m, series.PSI, c, order, h, tau)
+        _update_at_turns(m, series.PSI, w, order, h, tau)
         if w.relative:
-            _update_at_turns(m, series.APART, c, order, h, tau)
+            _update_at_turns(m, series.APART, w, order, h, tau)
         m.n_legs += 1
         s = end if h == remaining else s + h
         if overturned:
@@ -177,11 +191,9 @@ def advance(q, f, m, legs, w, i, s, end):
         if event != CONTINUES:
             m.events -= 1
             # Set the variable that vanishes at the event to exactly zero.
-            if event == LANDING:
-                y[TILT] = 0.0
-            elif event == TURN:
-                y[TILT_RATE] = 0.0
-            _, pull = series.value_and_slope(c, series.V, order, h)
+            y[TILT] = 0.0 if event == LANDING else y[TILT]
+            y[TILT_RATE] = 0.0 if event == TURN else y[TILT_RATE]
+            _, pull = series.value_and_slope(w, series.V, order, h)
             _pass_event(q, m, legs, event, h == 0.0, pull, w, forcing_now(q, f, i, s))
             if m.kind == SLIP:
                 m.uplift_time = min(m.uplift_time, origin + s)

@@ -114,7 +114,7 @@ def _store_angles(r, f, m, leg, n, j, before, by):
     The series of the reader is that of the leg, and its derivatives are those at the end of the leg. `before`
     is the derivative of the local time at the start.
     """
-    c, order = r.series, leg.order
+    order = leg.order
     for k in range(6):
         if m.peak_legs[k] != n:
             continue
@@ -123,10 +123,10 @@ def _store_angles(r, f, m, leg, n, j, before, by):
             by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
         else:
             # Within a leg the angle turns, so that its value does not change with its time.
-            phi, psi = series.value_at(c, series.PHI, order, t), series.value_at(c, series.PSI, order, t)
+            phi, psi = series.value_at(r, series.PHI, order, t), series.value_at(r, series.PSI, order, t)
             by[ANGLES + k, j] = angle_of(phi.imag, psi.imag, k) / STEP
-            v, a = series.value_and_slope(c, series.V, order, t)
-            rate, pull = series.value_and_slope(c, series.R, order, t)
+            v, a = series.value_and_slope(r, series.V, order, t)
+            rate, pull = series.value_and_slope(r, series.R, order, t)
             apart = 1.0 if k > 3 else 0.0
             shift = before - (rate - apart * v).imag / STEP / (pull - apart * a).real
         if not f.harmonic:
@@ -153,10 +153,10 @@ def carry_through_leg(r, f, leg, directions, angles, m, n, by):
         c[series.V, series.VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
         c[series.R, series.VALUE] = complex(y[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
         e = load_at(q, f, leg.piece, complex(leg.start, before * STEP))
-        series.terms(q, leg, e, math.inf, order, r.inverse, c)
-        phi, psi = series.value_at(c, series.PHI, order, t), series.value_at(c, series.PSI, order, t)
-        v, pull = series.value_and_slope(c, series.V, order, t)
-        rate, swing_pull = series.value_and_slope(c, series.R, order, t)
+        series.terms(q, leg, e, math.inf, order, r)
+        phi, psi = series.value_at(r, series.PHI, order, t), series.value_at(r, series.PSI, order, t)
+        v, pull = series.value_and_slope(r, series.V, order, t)
+        rate, swing_pull = series.value_and_slope(r, series.R, order, t)
         # The leg ends later by the delay, during which the state moves with its rates. To first order the
         # delay is the value of the signal that vanishes at the event, divided by its slope.
         delay = 0.0
@@ -165,7 +165,7 @@ def carry_through_leg(r, f, leg, directions, angles, m, n, by):
         elif event == STOP:
             delay = -(leg.piece * span_of(q, f).imag / STEP + before)
         elif event != CONTINUES:
-            value, slope = series.value_and_slope(c, _signal(event), order, t)
+            value, slope = series.value_and_slope(r, _signal(event), order, t)
             delay = -value.imag / STEP / slope.real if slope.real != 0.0 else 0.0
         r.dy[TILT, j], r.dy[SWING, j] = phi.imag / STEP + v.real * delay, psi.imag / STEP + rate.real * delay
         r.dy[TILT_RATE, j] = v.imag / STEP + pull.real * delay
@@ -307,15 +307,15 @@ def store_state_at(q, f, leg, t, w, out):
 
     It has the columns of a history, of which `out` may have the first ones.
     """
-    e, c = load_at(q, f, leg.piece, leg.start), w.series
-    series.load_state(leg.y, c)
+    e = load_at(q, f, leg.piece, leg.start)
+    series.load_state(leg.y, w)
     # Without allowed errors the order is that of the leg.
     w.inverse[:] = 0.0
-    series.terms(q, leg, e, math.inf, leg.order, w.inverse, c)
+    series.terms(q, leg, e, math.inf, leg.order, w)
     for i, row in enumerate((series.PHI, series.PSI)):
-        out[i] = series.value_at(c, row, leg.order, t)
+        out[i] = series.value_at(w, row, leg.order, t)
     for i, row in enumerate((series.V, series.R)):
-        out[2 + i], out[4 + i] = series.value_and_slope(c, row, leg.order, t)
+        out[2 + i], out[4 + i] = series.value_and_slope(w, row, leg.order, t)
     if len(out) > 6:
         out[6], out[7], out[8] = q.f * forcing_now(q, f, leg.piece, leg.start + t), leg.kind, leg.tilt
 

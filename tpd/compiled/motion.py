@@ -132,17 +132,12 @@ def largest(m, k):
 
 @compiled
 def record_leg(m, legs, piece, start, duration, order, event):
-    """Record a leg that starts in the present state, if there is memory for it.
-
-    Legs without memory are only counted.
-    """
-    n = m.n_legs
-    if n < len(legs):
-        leg = legs[n]
+    """Record the next leg, which starts in the present state, if there is memory for it."""
+    if m.n_legs < len(legs):
+        leg = legs[m.n_legs]
         leg.kind, leg.tilt, leg.direction, leg.piece = m.kind, m.tilt, m.direction, piece
         leg.start, leg.duration, leg.order, leg.event, leg.rests = start, duration, order, event, False
         copy_to(m.y, leg.y)
-    m.n_legs = n + 1
 
 
 @compiled

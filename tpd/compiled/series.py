@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.compiled.motion import MOTION
 from tpd.compiled.plant import coefficients, compiled, places
 
 ORDERS = 32
@@ -36,6 +37,7 @@ UP, DOWN, ACCELERATION = places(20, 17)
 """Rows of the signals that release a held block, and of phi'' for `tpd.compiled.symmetric_orbit_kernel`."""
 ROWS = 20
 """Number of rows."""
+_STRIDE = np.dtype([("map", np.float64, (4, 8)), ("bends", np.float64, (4, 8)), ("ready", np.int64)])
 WORK = np.dtype(
     [
         ("series", np.float64, (ROWS, ORDERS)),
@@ -43,6 +45,10 @@ WORK = np.dtype(
         ("order", np.int64),
         *((name, np.float64) for name in ("rtol", "capture", "rate", "swing", "period")),
         ("relative", np.bool_),
+        ("strides", _STRIDE, (2,)),
+        ("stride", np.float64),
+        ("z", np.float64, (8,)),
+        ("trial", MOTION),
     ],
     align=True,
 )
@@ -50,7 +56,9 @@ WORK = np.dtype(
 both rates and of the moment on a held block; the largest `order`; the relative tolerance `rtol` of a step;
 `capture`, the largest speed |phi'| of an impact that may end in rest; the usual rates of block and bob
 (`rate`, `swing`); `period`, the time scale for rounding errors of times; and whether the largest |psi - phi|
-is computed (`relative`)."""
+is computed (`relative`). For `tpd.compiled.strides`: the map of a stride, the bounds of the second derivatives
+and whether they are known (1; -1 if their series do not converge), for the slipping and for the held block;
+the length of a `stride`; the state `z` with the forcing; and another motion."""
 _NONE = np.int64(0)
 """Zero, as a NumPy scalar."""
 _HALVED = 60
@@ -72,7 +80,7 @@ def prepare(x, s, q, w):
     """Prepare plant and workspace for the parameters `x` and the settings `s`."""
     coefficients(x, s.linear, q)
     q.slack = SLACK * (q.k + q.weight)
-    w.capture = s.rest_rate * q.nu
+    w.capture, w.strides[0].ready, w.strides[1].ready = s.rest_rate * q.nu, 0, 0
     set_accuracy(q, s.rtol, w)
 
 
@@ -86,9 +94,9 @@ def set_accuracy(q, rtol, w):
 
 
 @compiled
-def _expand_forcing(q, e, order, c):
+def _expand_forcing(q, e, order, w):
     """Write the coefficients of f times the forcing `e` into the series, see `tpd.compiled.forcing.Load`."""
-    force = c[FORCE]
+    force = w.series[FORCE]
     if e.xi.real == 0.0:
         for n in range(4, order + 1):
             force[n] = 0.0
@@ -121,16 +129,25 @@ def _is_converged(c, n, power, former, inverse):
 
 
 @compiled
-def _expand_linear(q, m, remaining, most, inverse, c):
+def _expand_linear(q, m, e, remaining, most, w):
     """Compute the series of a moving block under (25), see `_expand_slipping`."""
+    c, inverse = w.series, w.inverse
     # Weight and friction are constants, so that the tilt is measured from their equilibrium.
     centre, by_det = (m.tilt * q.weight + m.direction * q.k) / q.up, 1.0 / (q.m11 * q.m22 - q.m12 * q.m21)
     a11, a12, a21, a22 = by_det * q.m22, -by_det * q.m12, -by_det * q.m21, by_det * q.m11
     up, c1, c2 = q.up, q.c1, q.c2
     phi, psi, v, r = c[PHI, VALUE] - centre, c[PSI, VALUE], c[V, VALUE], c[R, VALUE]
     of_block, of_bob, power, former = inverse[_OF_BLOCK], inverse[_OF_BOB], 1.0, math.inf
+    # The coefficients of the forcing, see `_expand_forcing`.
+    e0, e1, e2, e3 = e.e0, e.e1, e.e2, e.e3
+    sine, cosine, before = q.f * np.sin(e.phase), q.f * np.cos(e.phase), 0.0 * e.phase
     for n in range(most):
-        slip, force, by = v - r, c[FORCE, n], _OVER[n]
+        slip, by = v - r, _OVER[n]
+        if e.xi.real != 0.0:
+            force, before = e0 * sine + e1 * before, sine
+            sine, cosine = e.xi * by * cosine, -e.xi * by * sine
+        else:
+            force, e0, e1, e2, e3 = q.f * e0, e1, e2, e3, 0.0 * e3
         r1, r2 = up * (phi - force) - c1 * slip, force - psi + c2 * slip
         phi, psi = by * v, by * r
         v, r = by * (a11 * r1 + a12 * r2), by * (a21 * r1 + a22 * r2)
@@ -148,11 +165,12 @@ def _expand_linear(q, m, remaining, most, inverse, c):
 
 
 @compiled
-def _expand_slipping(q, m, remaining, most, inverse, c):
+def _expand_slipping(q, m, remaining, most, w):
     """Compute the series of a moving block under (4), and return its order.
 
     This is `most`, or a smaller one that is sufficient for the time `remaining`.
     """
+    c, inverse = w.series, w.inverse
     pull, rho, weight, lever, high = q.pull, q.rho, m.tilt * q.weight, m.tilt * q.nu, q.kappa
     phi, psi = c[PHI, VALUE], c[PSI, VALUE]
     sp, cp, sq, cq = np.sin(phi), np.cos(phi), np.sin(psi), np.cos(psi)
@@ -196,7 +214,7 @@ def _expand_slipping(q, m, remaining, most, inverse, c):
         c[_ACC, n] = by_det * (q.m22 * r1 + pull * lever * r2)
         c[_SWING, n] = by_det * (q.m11 * r2 + rho * lever * r1)
         # Integrate: order n of a rate gives order n + 1 of the function.
-        by = _OVER[n]
+        by = 1.0 / (n + 1.0)
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
         c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
@@ -209,8 +227,9 @@ def _expand_slipping(q, m, remaining, most, inverse, c):
 
 
 @compiled
-def _expand_held_linear(q, m, remaining, most, inverse, c):
+def _expand_held_linear(q, m, remaining, most, w):
     """Compute the series of the bob under a held block under (25), see `_expand_held`."""
+    c, inverse = w.series, w.inverse
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     hold, power, former, still = q.k + q.slack, 1.0, 1.0, q.up * c[PHI, VALUE]
     for n in range(most + 1):
@@ -226,11 +245,12 @@ def _expand_held_linear(q, m, remaining, most, inverse, c):
 
 
 @compiled
-def _expand_held(q, m, remaining, most, inverse, c):
+def _expand_held(q, m, remaining, most, w):
     """Compute the series of the bob under a held block under (4), and return its order.
 
     This includes the signals that are positive until the block is released.
     """
+    c, inverse = w.series, w.inverse
     sp, cp = np.sin(c[PHI, VALUE]), np.cos(c[PHI, VALUE])
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     c[_SIN, VALUE], c[_COS, VALUE] = np.sin(c[PSI, VALUE]), np.cos(c[PSI, VALUE])
@@ -264,25 +284,26 @@ def _expand_held(q, m, remaining, most, inverse, c):
 
 
 @compiled
-def terms(q, m, e, remaining, most, inverse, c):
+def terms(q, m, e, remaining, most, w):
     """Compute the series of a motion under the forcing `e`, and return its order.
 
-    `c` has the state in the column `VALUE`. For complex numbers the time `remaining` is infinite, and the
-    order is `most`.
+    The series of `w` has the state in the column `VALUE`. `w` is a record `WORK`, or the reader of derivatives
+    with a complex series, for which `remaining` is infinite and the order is `most`.
     """
-    _expand_forcing(q, e, most + 1, c)
+    if q.linear.real != 0.0 and m.kind == SLIP:
+        return _expand_linear(q, m, e, remaining, most, w)
+    _expand_forcing(q, e, most + 1, w)
     if q.linear.real != 0.0:
-        if m.kind == SLIP:
-            return _expand_linear(q, m, remaining, most, inverse, c)
-        return _expand_held_linear(q, m, remaining, most, inverse, c)
+        return _expand_held_linear(q, m, remaining, most, w)
     if m.kind == SLIP:
-        return _expand_slipping(q, m, remaining, most, inverse, c)
-    return _expand_held(q, m, remaining, most, inverse, c)
+        return _expand_slipping(q, m, remaining, most, w)
+    return _expand_held(q, m, remaining, most, w)
 
 
 @compiled
-def load_state(y, c):
+def load_state(y, w):
     """Write a state into the column `VALUE` of a series."""
+    c = w.series
     c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
 
 
@@ -294,10 +315,10 @@ def expand(q, m, y, e, remaining, w):
     the series is not finite.
     """
     c, inverse, smallest = w.series, w.inverse, math.inf
-    load_state(y, c)
+    load_state(y, w)
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
-    order = terms(q, m, e, remaining, w.order, inverse, c)
+    order = terms(q, m, e, remaining, w.order, w)
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
     if order < w.order:
@@ -313,8 +334,9 @@ def expand(q, m, y, e, remaining, w):
 
 
 @compiled
-def value_and_slope(c, row, order, t):
+def value_and_slope(w, row, order, t):
     """Return the value of a series and its rate at the time `t`."""
+    c = w.series
     value = c[row, order]
     slope = 0.0 * value
     for n in range(order - 1, -1, -1):
@@ -324,8 +346,9 @@ def value_and_slope(c, row, order, t):
 
 
 @compiled
-def value_at(c, row, order, t):
+def value_at(w, row, order, t):
     """Return the value of a series at the time `t`."""
+    c = w.series
     value = c[row, order]
     for n in range(order - 1, -1, -1):
         value = value * t + c[row, n]
@@ -333,7 +356,7 @@ def value_at(c, row, order, t):
 
 
 @compiled
-def time_at_limit(c, row, order, limit, h):
+def time_at_limit(w, row, order, limit, h):
     """Return the time at which an angle reaches a limit that it has passed at the time h.
 
     The angle must not turn before h.
@@ -342,7 +365,7 @@ def time_at_limit(c, row, order, limit, h):
     lo, hi = 0.0, h
     for _ in range(_HALVED):
         t = 0.5 * (lo + hi)
-        if abs(value_at(c, row, order, t)) < limit:
+        if abs(value_at(w, row, order, t)) < limit:
             lo = t
         else:
             hi = t
@@ -350,8 +373,9 @@ def time_at_limit(c, row, order, limit, h):
 
 
 @compiled
-def store_state(c, order, t, y):
+def store_state(w, order, t, y):
     """Write the values of both angles and of their rates at the time `t` into `y`."""
+    c = w.series
     # All four are evaluated together, so that the processor computes one while another one waits for its
     # product.
     phi, psi, v, r = c[PHI, order], c[PSI, order], c[V, order], c[R, order]
@@ -362,12 +386,13 @@ def store_state(c, order, t, y):
 
 
 @compiled
-def first_zero(c, row, sign, order, first, t, h):
+def first_zero(w, row, sign, order, first, t, h):
     """Return the first time from t on at which a signal vanishes, and whether it does so before h.
 
     The signal is `sign` times the series, divided by the power `first` of the time. Without a zero the
     function returns the time until which the signal is proved to be positive.
     """
+    c = w.series
     # Until h the second derivative is bounded from below by the sum of its negative terms.
     bend, tiny, power = 0.0, 0.0, 1.0
     for n in range(first + 2, order + 1):
@@ -400,7 +425,7 @@ def first_zero(c, row, sign, order, first, t, h):
 
 
 @compiled
-def positive_until(c, row, sign, order, floor, h):
+def positive_until(w, row, sign, order, floor, h):
     """Return the time until which a signal is proved to be positive, and whether it vanishes then.
 
     The signal is `sign` times a series, and the time is at most h.
@@ -409,6 +434,7 @@ def positive_until(c, row, sign, order, floor, h):
     any term of the series can until h. The root of the parabola is the next t. `floor` is the size of the
     numbers of which the signal is a difference. A signal that starts at zero counts from there on.
     """
+    c = w.series
     size, lowest, power = floor, 0.0, 1.0
     for n in range(order + 1):
         size += abs(c[row, n]) * power
@@ -423,16 +449,17 @@ def positive_until(c, row, sign, order, floor, h):
         first, power = first + 1, power * h
     if not sign * c[row, first] > 0.0:
         return 0.0, True
-    return first_zero(c, row, sign, order, first, 0.0, h)
+    return first_zero(w, row, sign, order, first, 0.0, h)
 
 
 @compiled
-def largest_turn(c, row, order, h, threshold):
+def largest_turn(w, row, order, h, threshold):
     """Return the largest angle, with its sign, at which an angle turns within the time h, and its time.
 
     Both are 0 if a bound shows that no such angle is larger than `threshold`. The row after that of the angle
     must hold its rate.
     """
+    c = w.series
     bound, power = 0.0, 1.0
     for n in range(order + 1):
         bound += abs(c[row, n]) * power
@@ -443,10 +470,10 @@ def largest_turn(c, row, order, h, threshold):
         return best, at
     sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, SLOPE])
     for _ in range(order):
-        t, turns = first_zero(c, rate, sign, order, _NONE, t, h)
+        t, turns = first_zero(w, rate, sign, order, _NONE, t, h)
         if not turns:
             break
-        value, sign = value_at(c, row, order, t), -sign
+        value, sign = value_at(w, row, order, t), -sign
         if abs(value) > abs(best):
             best, at = value, t
     return best, at

@@ -140,19 +140,19 @@ def _status(q, largest, nearest, grazing):
 
 
 @compiled
-def _smallest_dent(c, order, h, slows):
+def _smallest_dent(w, order, h, slows):
     """Return the smallest |phi'| of a falling block where it is least within the time h, and the sign of phi''
     at the end. `slows` is that sign at the start."""
-    smallest, t, turns = math.inf, 0.0, True
+    smallest, t, turns, c = math.inf, 0.0, True, w.series
     for n in range(order):
         c[series.ACCELERATION, n] = (n + 1.0) * c[series.V, n + 1]
     while turns:
         # phi' has an extreme value where phi'' vanishes. Where phi'' turns positive, the block moves fastest.
         # Where it turns negative, the block moves slowest and may stop: this is a dent in the rate.
-        t, turns = series.first_zero(c, series.ACCELERATION, slows, order - 1, FIRST_PIECE, t, h)
+        t, turns = series.first_zero(w, series.ACCELERATION, slows, order - 1, FIRST_PIECE, t, h)
         if turns:
             if slows > 0.0:
-                smallest = min(smallest, -series.value_at(c, series.V, order, t))
+                smallest = min(smallest, -series.value_at(w, series.V, order, t))
             slows = -slows
     return smallest, slows
 
@@ -166,7 +166,7 @@ def _follow_path(q, m, t, gamma, path, motion, w, orbit):
     The path passes all turning points of the bob, all extreme values of phi', and without friction turning
     points of the block.
     """
-    sizes, swing, smallest_rate, y, c = orbit.sizes, -1.0, math.inf, motion.y, w.series
+    sizes, swing, smallest_rate, y = orbit.sizes, -1.0, math.inf, motion.y
     sizes[_PHASE], sizes[_CROSSING], late = gamma, t, _ON_TIME * m.span
     series.set_accuracy(q, _RTOL, w)
     w.rate, w.swing, w.relative = q.nu * max(q.xi, 1.0), (q.nu + q.f) * max(q.xi, 1.0), False
@@ -195,14 +195,14 @@ def _follow_path(q, m, t, gamma, path, motion, w, orbit):
             order, h = series.expand(q, motion, y, e, horizon - time, w)
             if not h > 0.0:
                 return _BROKEN
-            event, h = first_event(q, motion, order, h, c)
+            event, h = first_event(q, motion, order, h, w)
             if q.k > 0.0:
-                dent, slows = _smallest_dent(c, order, h, slows)
+                dent, slows = _smallest_dent(w, order, h, slows)
                 smallest_rate = min(smallest_rate, dent)
-            angle, turn = series.largest_turn(c, series.PSI, order, h, swing)
+            angle, turn = series.largest_turn(w, series.PSI, order, h, swing)
             if abs(angle) > swing:
                 swing, orbit.peak = abs(angle), arc_start + time + turn
-            series.store_state(c, order, h, y)
+            series.store_state(w, order, h, y)
             time += h
             if event == TURN and q.k == 0.0 and time < duration - late:
                 # An orbit with several turning points is counted once, from the largest of them. Without any
