@@ -14,7 +14,7 @@ import numpy as np
 from tpd.compiled import series
 from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE, WIDTH
 from tpd.compiled.contact import impact
-from tpd.compiled.forcing import forcing_now, load_at, span_of
+from tpd.compiled.forcing import Load, forcing_now, harmonic, load_at, span_of
 from tpd.compiled.motion import (
     CONTINUES,
     END,
@@ -134,7 +134,7 @@ def _store_angles(r, f, m, leg, n, j, before, by):
 
 
 @compiled
-def carry_through_leg(r, f, leg, directions, angles, m, n, by):
+def _carry_complex(r, f, leg, directions, angles, m, n, by):
     """Carry the derivatives of a reader through leg n of a motion and past its event.
 
     If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
@@ -186,6 +186,76 @@ def carry_through_leg(r, f, leg, directions, angles, m, n, by):
 
 
 @compiled
+def _carry_states(q, r, w, leg, directions, angles, m, n, by):
+    """Carry derivatives in initial states through leg n under a harmonic, for the linear equations (25).
+
+    See `carry_through_leg`. A change of the state is a motion without forcing, weight and friction, so that real
+    numbers are enough.
+    """
+    (first, last), order, t, event, y = directions, leg.order, leg.duration, leg.event, w.trial.y
+    series.load_state(leg.y, w)
+    e = load_at(q, harmonic(), leg.piece, leg.start)
+    series.terms(q, leg, e, math.inf, order, w)
+    c = w.series
+    v0, a0, r0, b0 = c[series.V, 0], c[series.V, 1], c[series.R, 0], c[series.R, 1]
+    (v, a), (rate, b) = series.value_and_slope(w, series.V, order, t), series.value_and_slope(w, series.R, order, t)
+    slope = 0.0
+    if event != CONTINUES and event < END:
+        _, slope = series.value_and_slope(w, _signal(event), order, t)
+    block, bob = impact(q, leg.rests, leg.tilt, 0.0)
+    w.trial.kind, w.trial.tilt, w.trial.direction = leg.kind, 0.0, 0.0
+    free, d = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), r.dy
+    for j in range(first, last):
+        before = r.shift[j]
+        # Changes at fixed times: first at the start of the leg, then at its end.
+        y[TILT] = 0.0 if leg.kind == REST else d[TILT, j] - v0 * before
+        y[TILT_RATE] = d[TILT_RATE, j] - a0 * before if leg.kind == SLIP else 0.0
+        y[SWING], y[SWING_RATE] = d[SWING, j] - r0 * before, d[SWING_RATE, j] - b0 * before
+        series.load_state(y, w)
+        series.terms(q, w.trial, free, math.inf, order, w)
+        for k in range(6 if angles else 0):
+            if m.peak_legs[k] == n and m.peak_offsets[k] != t:
+                # Within a leg the angle turns, so that its value does not change with its time.
+                phi = series.value_at(w, series.PHI, order, m.peak_offsets[k])
+                by[ANGLES + k, j] = angle_of(phi, series.value_at(w, series.PSI, order, m.peak_offsets[k]), k)
+        series.store_state(w, order, t, y)
+        shift = before if event == CONTINUES else 0.0
+        if event != CONTINUES and event < END and slope != 0.0:
+            value = y[TILT_RATE] if event == TURN else y[TILT]
+            if event > TURN:
+                value = q.up * y[TILT] - (q.up - 1.0) * y[SWING] + q.bias * y[SWING_RATE]
+                value = -value if event == RELEASE_UP else value
+            shift = -value / slope
+        d[TILT, j], d[SWING, j] = y[TILT] + v * shift, y[SWING] + rate * shift
+        d[TILT_RATE, j], d[SWING_RATE, j] = y[TILT_RATE] + a * shift, y[SWING_RATE] + b * shift
+        for k in range(6 if angles else 0):
+            if m.peak_legs[k] == n and m.peak_offsets[k] == t:
+                by[ANGLES + k, j] = angle_of(d[TILT, j], d[SWING, j], k)
+        if event == LANDING:
+            d[TILT, j], d[SWING_RATE, j] = 0.0, d[SWING_RATE, j] + bob * d[TILT_RATE, j]
+            d[TILT_RATE, j] *= 1.0 + block
+        elif event == TURN:
+            d[TILT_RATE, j] = 0.0
+        r.shift[j] = 0.0 if event == END else shift
+
+
+@compiled
+def carry_through_leg(q, r, w, f, leg, directions, angles, m, n, by):
+    """Carry the derivatives of a reader through leg n of a motion and past its event.
+
+    If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
+    are those from the first to before the last of `directions`. `q` is the real plant.
+    """
+    first, last = directions
+    if q.linear != 0.0 and f.harmonic:
+        _carry_complex(r, f, leg, (first, min(last, STATE)), angles, m, n, by)
+        if last > STATE:
+            _carry_states(q, r, w, leg, (max(first, STATE), last), angles, m, n, by)
+    else:
+        _carry_complex(r, f, leg, directions, angles, m, n, by)
+
+
+@compiled
 def _uplift_leg(legs, count):
     """Return the index of the leg with which the block leaves its base for the first time.
 
@@ -219,7 +289,7 @@ def _nearest_leg(q, f, legs, count):
 
 
 @compiled
-def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
+def read_derivatives(q, f, m, legs, r, w, directions, angles_only, by):
     """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last arc.
 
     `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
@@ -248,7 +318,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
             # The last arc decides whether the block overturns or falls back.
             coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
             by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
-        carry_through_leg(r, f, leg, directions, True, m, n, by)
+        carry_through_leg(q, r, w, f, leg, directions, True, m, n, by)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]

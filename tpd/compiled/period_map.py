@@ -172,7 +172,7 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     sound = ended == ARRIVED
     if sound:
         _include_event_at_end(q, m, legs, w, start, buffers.motions[TRIAL], limits)
-        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO, c.by)
+        read_derivatives(q, harmonic(), m, legs, r, w, limits.directions, NO, c.by)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)
