@@ -145,8 +145,10 @@ def advance(q, f, m, legs, w, i, s, end):
     y, origin, limit = m.y, i * span_of(q, f), beyond_return(q)
     # Strides record no legs.
     strides = q.linear != 0.0 and len(legs) == 0 and f.rate == 0.0 and (f.harmonic or s == 0.0)
+    # The hops of a rattle get shorter one after the other, and so do the series that follow them.
+    pace, passed = math.inf, s
     for _ in range(MAX_STEPS):
-        if strides:
+        if strides and pace > w.stride:
             s = stride(q, f, m, w, i, s, end, limit)
             strides = f.harmonic and w.stride > 0.0
             if s == end:
@@ -158,7 +160,7 @@ def advance(q, f, m, legs, w, i, s, end):
             record_leg(m, legs, i, s, 0.0, _LOWEST, END)
             m.n_legs += 1
             return ARRIVED
-        reach = min(remaining, 1.5 * w.stride) if strides else remaining
+        reach = min(remaining, min(pace, 1.5 * w.stride) if strides else pace)
         order, h = series.expand(q, m, y, load_at(q, f, i, s), reach, w)
         # A step that is too short, or NaN, means that the series does not converge.
         if not h >= min(remaining, 1e-13 * w.period):
@@ -188,8 +190,10 @@ def advance(q, f, m, legs, w, i, s, end):
             return BEYOND
         if arrives:
             return ARRIVED
-        if event != CONTINUES:
-            m.events -= 1
+        if event == CONTINUES:
+            pace *= 8.0
+        else:
+            pace, passed, m.events = max(2.0 * (s - passed), 1e-8 * w.period), s, m.events - 1
             # Set the variable that vanishes at the event to exactly zero.
             y[TILT] = 0.0 if event == LANDING else y[TILT]
             y[TILT_RATE] = 0.0 if event == TURN else y[TILT_RATE]
