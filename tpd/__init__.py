@@ -18,7 +18,7 @@ compiled, models, answers, engines, design, plots, report, explore, cli.
 | after (6) | inertia ratio rho | scene/scene: Block.inertia_ratio |
 | (7) to (11) | free rocking | theory/free_rocking: free_motion |
 | (12) to (14) | forced block without pendulum: mu = 0 | theory/equations: Equations |
-| (16) to (18) | motion between two events | answers/steady_state: simulate |
+| (16) to (18) | motion between two events | theory/arc: arc |
 | (19) | symmetric orbit, exact here | answers/symmetric_orbits: symmetric_orbits |
 | (20) to (24) | one harmonic without pendulum: mu = 0 | theory/harmonic_balance: parametric_branches |
 | (25) | block and pendulum, linear | theory/equations: Linear |

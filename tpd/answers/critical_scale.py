@@ -22,7 +22,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from tpd.answers.run_table import Runs, follow_runs
-from tpd.answers.transient import FREE
+from tpd.answers.transient import FREE, unknown_in
 from tpd.compiled import simulate
 from tpd.compiled.columns import F
 from tpd.compiled.derivatives import refused
@@ -66,7 +66,8 @@ class CriticalScale(eqx.Module):
     scale: Number
     """First factor of the scan at which the block begins to overturn. Infinite if no factor of the scan
     overturns the block; NaN if it is unknown, because a run at a smaller factor has no result. Derivatives
-    with respect to block, pendulum and motion are exact; those of an infinite or unknown factor are NaN."""
+    with respect to block, pendulum, and size and time scale of the motion are exact. Those in the samples of
+    a record or the shape of a pulse, and those of an infinite or unknown factor, are NaN."""
     tongues: Float[Array, "tongues 2"]
     """Intervals of factors at which the block overturns, as far as the scan resolves them. The last one may
     end at the end of the scan. NaN where there are fewer intervals."""
@@ -155,7 +156,7 @@ def critical_scale(
     # The scan is a callback without derivatives. `_with_slope` adds them.
     inputs = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
     first, tongues, undecided = jax.pure_callback(scanned, shapes, *inputs, vmap_method="sequential")
-    scale = _with_slope(p, pieces, late, first)
+    scale = _with_slope(p, inputs[1], late, first) + unknown_in(pieces)
     return CriticalScale(scale, tongues, scan, inputs[3][1], undecided)
 
 

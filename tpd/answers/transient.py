@@ -14,7 +14,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Float, Int
 
 from tpd.compiled.columns import GRAZING, WIDTH
-from tpd.compiled.derivatives import refused
+from tpd.compiled.derivatives import refused, with_slopes
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, Run, follow
 from tpd.core import checks
@@ -40,10 +40,10 @@ class Transient(eqx.Module):
 
     Angles, their times and the state are differentiable if the status is stood or rocked: with respect to
     every SI quantity of block, pendulum and gravity, to the size and the time scale of the motion, to the
-    samples of a record, to the cycles and the phase of a pulse, to the initial state and to the free time.
-    The time of the first uplift is also differentiable if the block overturns. Otherwise the derivatives are
-    NaN, and `status` gives the reason. The derivatives of a time that is infinite or zero, of the time of
-    overturning, and all second derivatives are also NaN. Counts have no derivatives.
+    initial state and to the free time. The time of the first uplift is also differentiable if the block
+    overturns. Otherwise the derivatives are NaN, and `status` gives the reason. The derivatives of a time
+    that is infinite or zero, of the time of overturning, those in the samples of a record and in the cycles
+    and the phase of a pulse, and all second derivatives are also NaN. Counts have no derivatives.
 
     With the nonlinear model (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
     the block overturns if its tilt reaches a right angle. A run whose energy is sufficient for this continues
@@ -161,8 +161,19 @@ def transient(
     # Rates are per unit tau in compiled code, and per second for the user.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
     pieces = xp.asarray(scene.excitation.pieces())
-    run = _follow(model, p, pieces, free * rate, start / speeds, max_events)
+    run = _follow(model, p, stop_gradient(pieces), free * rate, start / speeds, max_events)
+    if checks.is_traced(pieces):
+        run = run._replace(**{name: getattr(run, name) + unknown_in(pieces) for name in _DEPENDING})
     return _answer(run, rate, speeds, bob, xp)
+
+
+_DEPENDING = "tilt", "swing", "rod_angle", "times", "uplift_time", "overturning_time", "state"
+"""Results of a run that have derivatives."""
+
+
+def unknown_in(pieces: Any) -> Any:
+    """Return zero, whose derivatives in the shape of a ground motion, its `pieces`, are NaN."""
+    return with_slopes(pieces.ravel(), jnp.zeros(()), jnp.full(pieces.size, jnp.nan))
 
 
 def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:

@@ -3,6 +3,7 @@
 | equation of the paper | module | functions |
 |---|---|---|
 | Table 1, no-uplift condition | `no_uplift` | `uplift`, `lightest_pendulum` |
+| (16) to (18), (25), motion between two events | `arc` | `arc`, `impact`, `holding_moment` |
 | (11), free rocking | `free_rocking` | `free_motion` |
 | losses at impacts as friction, free decay | `free_rocking` | `equivalent_friction`, `turning_tilts` |
 | (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic`, `fold` and three more |
@@ -10,6 +11,7 @@
 | (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 
+from tpd.theory.arc import arc, holding_moment, impact
 from tpd.theory.free_rocking import equivalent_friction, free_motion, turning_tilts
 from tpd.theory.harmonic_balance import (
     fold,
@@ -22,9 +24,12 @@ from tpd.theory.no_uplift import lightest_pendulum, uplift
 from tpd.theory.relative_length import relative_length
 
 __all__ = [
+    "arc",
     "equivalent_friction",
     "fold",
     "free_motion",
+    "holding_moment",
+    "impact",
     "lightest_pendulum",
     "neglected_harmonics",
     "one_harmonic",
