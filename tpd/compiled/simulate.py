@@ -399,7 +399,7 @@ def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     x, y, pieces, settings = primals
     # The directions of the derivatives are the parameters, and the components of the initial state if it is
     # differentiated.
-    _, of_start, of_pieces, _ = tangents
+    _, of_start, _, _ = tangents
     inputs = parameters if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
     # The largest angles often occur long before the end, so that their derivatives need only a part of the
     # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
@@ -408,16 +408,10 @@ def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
     _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
     of = parts(out, RUN)
-    xs, ys, samples, times = (
+    xs, ys, _, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
     )
     direction, point = jnp.concatenate([xs, ys]), jnp.concatenate([x, y])
-    if not isinstance(of_pieces, SymbolicZero):
-        # The package has no derivatives in the samples of a motion.
-        direction, point = jnp.append(direction, samples), jnp.append(point, pieces)
-        by_angles, by_end = (
-            jnp.hstack([by, jnp.full((len(by), samples.size), jnp.nan)]) for by in (by_angles, by_end)
-        )
     angles, end = moved(by_angles[ANGLES], direction, point), moved(by_end[END], direction, point)
     # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
     # a NaN reach only the program that needs this derivative.
