@@ -232,8 +232,8 @@ class Corrections:
         return True
 
     def trials(self) -> Trials:
-        """Return all designs with runs as a table: those that keep the limits first, and the last corrected one of
-        them first."""
+        """Return all designs with runs as a table: those that keep the limits first, the last one of them
+        before the others."""
         problem, designs = self.problem, np.array(self.designs)
         columns, of_runs = dict(problem.fixed_sizes(designs)), list(map(self._sizes, range(len(designs))))
         for name in of_runs[0]:
