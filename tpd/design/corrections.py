@@ -127,6 +127,7 @@ class Corrections:
         share, out = _CHEAP if i < self.cheap else self.problem.safe_level, {}
         for name, x in self.problem.sizes_in_runs(self.designs[i], runs or self.runs[i]).items():
             if name not in STILL:
+                # An unknown quantity counts as far beyond its limit.
                 x = np.nan_to_num(x, nan=_UNKNOWN, posinf=_UNKNOWN)
                 size = np.quantile(x, share) if len(x) >= _FEWEST else np.nan
                 out[name] = float(np.log(np.maximum(size, _LEAST))) + self.margin.get(name, 0.0)
@@ -161,6 +162,7 @@ class Corrections:
             before = x[0]
         excess = {i: self._excess(i) for i in range(begun, len(self.designs))}
         kept = np.array([self.designs[i] for i, x in excess.items() if x <= _KEPT])
+        # Among designs that keep the limits the objective decides, and not the share of few runs.
         if len(kept):
             return kept[np.argmin(self.orbits.value(self.orbits.evaluate(kept)))]
         nearest = min(excess, key=lambda i: excess[i])
