@@ -279,9 +279,7 @@ class _Batch(NamedTuple):
         return results
 
 
-def _run_under_harmonic(
-    batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
-) -> np.ndarray:
+def _run_under_harmonic(batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]) -> np.ndarray:
     """Simulate a batch of runs under a harmonic."""
     n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
     if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
@@ -295,9 +293,7 @@ def _run_under_harmonic(
     return batch.computed("SETTLE", times, **limits)
 
 
-def _run_under_motions(
-    batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]
-) -> np.ndarray:
+def _run_under_motions(batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> np.ndarray:
     """Simulate a batch of runs under ground motions."""
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
     # All ground motions are stored in one array. Each run has the row of its first piece.
