@@ -7,6 +7,7 @@ that share nothing with the package.
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import jax
@@ -121,10 +122,6 @@ def test_the_derivative_of_a_settled_motion_equals_differences(model, changed, t
 
     slope, difference = slope_and_difference(sizes, 1.3, 1e-3)
     np.testing.assert_allclose(slope, difference, rtol=tolerance, atol=tolerance)
-
-
-def test_nonlinear_derivatives_in_the_hinge_height_are_nan():
-    assert np.isnan(jax.grad(lambda kappa: amplitude(kappa, tpd.Nonlinear()).amplitude)(1.3))
 
 
 def test_derivatives_in_the_hinge_height_equal_differences():
