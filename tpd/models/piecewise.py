@@ -1,7 +1,7 @@
 """Models that compiled code solves.
 
-Taylor series follow the linear equations (25) and the nonlinear equations (4) from event to event. Both models
-keep the sign functions and smooth nothing.
+Taylor series follow the linear equations (25) and the nonlinear equations (4) from event to event. Both
+models keep the sign functions and smooth nothing.
 """
 
 from __future__ import annotations
