@@ -4,11 +4,11 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
+from tpd.compiled.arcs import Forcing, Load, forcing_at, instant, launch, load_at, state_at
 
 from tests.compiled.plants import entry, plants_of
 from tests.reference import matrices, parameters
 from tpd.compiled import arcs
-from tpd.compiled.arcs import Forcing, Load, forcing_at, instant, launch, load_at, state_at
 from tpd.compiled.columns import REST, SLIP, STICK
 from tpd.compiled.motion import NO, YES
 from tpd.compiled.plant import STEP

@@ -3,12 +3,12 @@
 import numba
 import numpy as np
 import pytest
+from tpd.compiled.events import FIRST, SECOND
 
 from tests.compiled.plants import entry, plants_of
 from tests.reference import WITH, parameters
 from tpd.compiled import contact_kernel
 from tpd.compiled.columns import REST, SLIP, STICK
-from tpd.compiled.events import FIRST, SECOND
 from tpd.compiled.motion import MOTION
 from tpd.theory.equations import Linear
 

@@ -3,11 +3,11 @@
 import numba
 import numpy as np
 from scipy.optimize import brentq
+from tpd.compiled.arcs import Forcing, beginning, forcing_signal, instant, launch, load_at, state_at
+from tpd.compiled.events import END, FIRST, SECOND, WINDOWS
 
 from tests.compiled.plants import plants_of
 from tpd.compiled import events
-from tpd.compiled.arcs import Forcing, beginning, forcing_signal, instant, launch, load_at, state_at
-from tpd.compiled.events import END, FIRST, SECOND, WINDOWS
 from tpd.compiled.motion import MOTION, WORKSPACE, YES
 
 STEADY = Forcing(YES, 1.0, 0.0, 0, np.empty((0, 4)))

@@ -4,15 +4,15 @@ import jax
 import numba
 import numpy as np
 import pytest
+from tpd.compiled.arcs import steady
+from tpd.compiled.contact_kernel import decide, sign
+from tpd.compiled.events import BOB
 
 from tests.compiled.plants import plants_of
 from tests.reference import box, exact, parameters
 from tpd import Piecewise, simulate
 from tpd.compiled import march
-from tpd.compiled.arcs import steady
 from tpd.compiled.columns import REST, SLIP, TILT, TILT_RATE
-from tpd.compiled.contact_kernel import decide, sign
-from tpd.compiled.events import BOB
 from tpd.compiled.motion import GRID, LEG, MOTION, WORKSPACE
 from tpd.compiled.period_map import Limits, follow_periods
 

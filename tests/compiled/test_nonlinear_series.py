@@ -5,15 +5,15 @@ import math
 import numba
 import numpy as np
 import pytest
+from tpd.compiled.arcs import Load
+from tpd.compiled.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 
 import tpd
 from tests.compiled.plants import entry
 from tests.reference import NAMES, EventDriven, parameters
 from tpd.compiled import nonlinear_series as series
-from tpd.compiled.arcs import Load
 from tpd.compiled.columns import REST, SLIP, STICK
 from tpd.compiled.motion import MOTION
-from tpd.compiled.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 from tpd.compiled.plant import PLANT, coefficients
 from tpd.compiled.rows import row_of
 from tpd.theory.equations import Equations

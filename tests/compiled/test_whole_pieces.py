@@ -4,12 +4,12 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from tpd.compiled.arcs import accelerations
 
 import tpd
 from tests.compiled.plants import plants_of
 from tests.compiled.shaken import Case, changed, motions, operands, random_scenes
 from tpd.compiled import whole_pieces
-from tpd.compiled.arcs import accelerations
 from tpd.compiled.columns import REST, SLIP
 from tpd.compiled.simulate import GroundForcing, follow
 from tpd.scene.status import Status, code_of, is_one_of
