@@ -111,8 +111,8 @@ def land(q, y, capture, eta, mode):
     if rests:
         block, bob = impact(q, True, side, y[SWING])
     y[TILT_RATE], y[SWING_RATE] = 0.0 if rests else (1.0 + block) * before, y[SWING_RATE] + bob * before
-    if not rests:
-        decide(q, y, 0.0, sign(y[TILT_RATE]), eta, mode)
+    # The impact changes the rate of the bob, and so the moment on a block that stops.
+    decide(q, y, 0.0, sign(y[TILT_RATE]), eta, mode)
     return rests, can_rest
 
 

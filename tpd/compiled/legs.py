@@ -287,27 +287,26 @@ def _uplift_leg(legs, count):
 
 @compiled
 def _nearest_leg(q, f, legs, count):
-    """Return the index of the leg of the last arc that starts nearest to the unstable equilibrium, or -1.
+    """Return the index of the leg of the free motion that starts nearest to the unstable equilibrium, or -1.
 
-    The last arc is the motion of a slipping block after the last event, without a forcing.
+    On the border between overturning and falling back a motion stays there for a long time.
     """
     nearest, best = -1, math.inf
     for n in range(count - 1, -1, -1):
         leg = legs[n]
-        if leg.kind != SLIP or leg.piece < f.pieces:
+        if leg.piece < f.pieces:
             break
         tilt, y = unstable_tilt(q, leg.tilt, leg.direction), leg.y
         distance = abs(y[TILT] - tilt) + abs(y[SWING]) + abs(y[TILT_RATE]) + abs(y[SWING_RATE])
-        if distance < best:
+        if leg.kind == SLIP and distance < best:
             nearest, best = n, distance
-        if n > 0 and legs[n - 1].event != CONTINUES and legs[n - 1].event != END:
-            break
     return nearest
 
 
 @compiled
 def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
-    """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last arc.
+    """Compute the derivatives of a motion from its legs, and return its growing coordinate, see
+    `growing_coordinate`.
 
     `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
     have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
@@ -332,7 +331,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
         for j in range(first, inputs if n == uplift_leg else first):
             by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
         for j in range(first, inputs if n == nearest else first):
-            # The last arc decides whether the block overturns or falls back.
+            # This leg decides whether the block overturns or falls back.
             coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
             by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
         carry_through_leg(q, r, f, leg, directions, True, m, n, by)
