@@ -13,7 +13,7 @@ import pytest
 import tpd
 from tests.reference import NAMES, EventDriven, differences
 from tests.truth import GRAVITY, load
-from tpd.answers.critical_scale import _scanned
+from tpd.answers.critical_scale import _run, _scanned
 from tpd.answers.run_table import follow_scaled
 from tpd.answers.transient import _follow
 from tpd.compiled.rows import ground_row_of
@@ -140,7 +140,8 @@ def test_boundaries_of_the_one_sine_spectrum_agree_with_fifty_digits(row):
     p = tpd.Parameters(
         nu=0.25, mu=0.0, lam=1.0, zeta=0.3, k=0.0, f=0.25, xi=xi, rho=1.0, e=row["restitution"]
     )
-    tongues = _scanned(ground_row_of(p), pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
+    run = partial(_run, tpd.Piecewise(), pieces, 20.0)
+    tongues = _scanned(run, ground_row_of(p), np.array([0.9, 20.0]), 0.005)[1]
     borders = tongues[np.isfinite(tongues)]
     # Between those of the table are a few narrow ones.
     for known in row["scales"]:
@@ -331,18 +332,6 @@ def test_nonlinear_transients_of_slender_blocks_tend_to_the_linear_ones():
         assert float(ours.uplift_time) == pytest.approx(float(exact.uplift_time), rel=nu**2)
     # What (25) leaves out is of second order in the angles.
     assert np.log2(np.array(errors[0]) / errors[1]) == pytest.approx(2.0, abs=0.1)
-
-
-def test_derivatives_of_a_nonlinear_transient_are_nan():
-    names = ("tilt", "swing", *TIMES)
-
-    def numbers(length, y0):
-        found = tpd.transient(column(sine(2.0)), bob(length=length), model=tpd.Nonlinear(), y0=y0, free=1.0)
-        return jnp.concatenate([jnp.stack([getattr(found, name) for name in names]), found.state])
-
-    for slopes in jax.jacfwd(numbers, argnums=(0, 1))(2.0, jnp.zeros(4)):
-        assert np.all(np.isnan(slopes))
-    assert np.all(np.isnan(jax.jacrev(numbers)(2.0, jnp.zeros(4))))
 
 
 def test_a_nonlinear_transient_has_the_status_stood_rocked_or_overturned():

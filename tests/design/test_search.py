@@ -42,7 +42,7 @@ def test_the_last_steps_on_the_exact_orbits_lower_the_risk(search):
     settings = tpd.Descent(searches=20, screening=48, steps=8, polish=0, model=tpd.Piecewise())
     alone = search_designs(objective, settings, 0)
     assert alone.evaluations == 48 + 8 * 20
-    assert found.evaluations == 48 + (8 + 40) * 20
+    assert found.evaluations == 48 + (8 + 60) * 20
     both = np.isfinite(alone.end_values)
     assert np.all(found.end_values[both] <= alone.end_values[both] + 1e-12)
     assert found.end_values.min() < alone.end_values.min()

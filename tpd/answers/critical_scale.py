@@ -5,13 +5,15 @@ may be larger factors that do not. A critical scale is therefore the first cross
 result also has the list of intervals (tongues) above it. The scan begins at a factor at which the block stays
 on its base. While the block is at rest, the swing of the bob is proportional to the motion, so no
 smaller factor lifts the block. At a crossing the state after the motion is on the stable manifold of the
-unstable equilibrium of the tilted block: the growing coordinate q of the last arc vanishes there, so
+unstable equilibrium of the tilted block: the growing coordinate q of the last arc vanishes there (for the
+nonlinear model where the arc is nearest to that equilibrium), so
 
     d(scale)/dx = -(dq/dx)/(dq/d scale).
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -22,7 +24,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from tpd.answers.run_table import Runs, follow_runs
-from tpd.answers.transient import FREE, unknown_in
+from tpd.answers.transient import FREE, accuracy_of, unknown_in
 from tpd.compiled import simulate
 from tpd.compiled.columns import F
 from tpd.compiled.derivatives import refused
@@ -30,12 +32,12 @@ from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.checks import Real
+from tpd.models.piecewise import Nonlinear, Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, code_of
-from tpd.theory.equations import Terms
 
 SCAN = 0.02
 """Default relative step of a scan."""
@@ -105,6 +107,7 @@ def critical_scale(
     scan: Real = SCAN,
     highest: Real | None = None,
     free: Real = FREE,
+    model: Piecewise | Nonlinear | None = None,
 ) -> CriticalScale:
     """Find the smallest factor of a scan at which the motion of a scene overturns the block.
 
@@ -115,6 +118,7 @@ def critical_scale(
         highest: largest factor; by default 20 times the factor that lifts the block without a pendulum.
         free: duration of the free motion after the ground motion, s. If the last arc cannot return, the block
             overturns, whatever its tilt at the end is.
+        model: `Piecewise()`, the linear model, by default, or `Nonlinear()`.
 
     Returns:
         The critical scale, to which `jax.jit` and `jax.grad` apply.
@@ -139,6 +143,7 @@ def critical_scale(
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if highest is not None:
         highest = checks.within("highest", highest, 1e-9, 1e9)
+    model = Piecewise() if model is None else model
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
     pieces, late = jnp.asarray(scene.excitation.pieces()), free * rate
     lifts = (1.0 + p.mu) * p.nu + p.k
@@ -151,16 +156,17 @@ def critical_scale(
     ends = jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in (0.5 * lifts / p.f, top)])
 
     def scanned(x: Any, c: Any, late: Any, ends: Any) -> tuple[np.ndarray, ...]:
-        return _scanned(np.asarray(x), np.asarray(c), float(late), np.asarray(ends), scan)
+        run = partial(_run, model, np.asarray(c), float(late))
+        return _scanned(run, np.asarray(x), np.asarray(ends), scan)
 
     # The scan is a callback without derivatives. `_with_slope` adds them.
     inputs = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
     first, tongues, undecided = jax.pure_callback(scanned, shapes, *inputs, vmap_method="sequential")
-    scale = _with_slope(p, inputs[1], late, first) + unknown_in(pieces)
+    scale = _with_slope(model, p, inputs[1], late, first) + unknown_in(pieces)
     return CriticalScale(scale, tongues, scan, inputs[3][1], undecided)
 
 
-def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
+def _with_slope(model: Any, p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     """Return the scale `first` with its derivatives, by the implicit function theorem."""
     finite = jnp.isfinite(first)
     at = jnp.where(finite, first, 1.0)
@@ -168,7 +174,7 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     # The growing coordinate q of the last arc as a function of the parameters and the scale.
     def growing(p: Parameters, scale: Any) -> Any:
         row, forcing = ground_row_of(p, size=scale), GroundForcing([pieces], late)
-        return simulate.follow(Terms.linear, row, forcing).growing
+        return simulate.follow(model.equations, row, forcing, **accuracy_of(model)).growing
 
     # The size of the motion is a parameter of the run, but the unknown of the implicit function.
     fixed = jax.tree.map(stop_gradient, p)
@@ -181,15 +187,22 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     return refused(first + correction, is_regular)
 
 
+def _run(model: Any, c: np.ndarray, late: float, rows: np.ndarray) -> Runs:
+    """Simulate runs under the motion with the pieces `c`."""
+    # The exact solution has the accuracy of rounding.
+    limits = {"rtol": model.rtol} if isinstance(model, Nonlinear) else {}
+    return follow_runs(model.equations, rows, GroundForcing([c], late), brief=True, **limits)
+
+
 def _scanned(
-    x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
+    run: Any, x: np.ndarray, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the first crossing of a scan, all tongues, and the intervals without a result."""
 
     def follow(scales: np.ndarray) -> Runs:
         rows = np.repeat(x[None], scales.size, axis=0)
         rows[:, F] *= scales.ravel()
-        return follow_runs(Terms.linear, rows, GroundForcing([c], late), brief=True).reshape(*scales.shape)
+        return run(rows).reshape(*scales.shape)
 
     none = np.full((TONGUES, 2), np.nan)
     top, stood = ends[1], code_of(Status.stood)

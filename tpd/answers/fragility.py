@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import root
 from scipy.special import betaincinv, erfcx, ndtr, ndtri, stdtrit
 
 from tpd.answers.run_table import CASE_KEYS, Cases, Progress, cases_of, follow_scaled
@@ -525,6 +524,9 @@ def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray
         up, down = _density_over(eta), _density_over(-eta)
         curvature = counts * up * (up + eta) + (n - counts) * down * (down - eta)
         return basis @ (counts * up - (n - counts) * down), -(basis * curvature) @ basis.T
+
+    # The import takes a third of a second, and only fragilities need it.
+    from scipy.optimize import root
 
     solution = root(score, [float(ndtri(counts.sum() / n.sum())), 0.0], jac=True, tol=1e-14)
     # `solution.success` is false if rounding ends the iteration, so the derivative is tested instead.

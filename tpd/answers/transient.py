@@ -240,17 +240,24 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
+def accuracy_of(model: Any) -> dict[str, Any]:
+    """Return the settings of a model under a ground motion, by their names.
+
+    Raises:
+        ValueError: the model cannot follow a ground motion.
+    """
+    checks.instance("model", model, (Piecewise, Nonlinear))
+    # Only `Nonlinear` has settings here. The exact solution has its own rate of rest under a ground motion.
+    return {"rtol": model.rtol, "rest_rate": model.rest_rate} if isinstance(model, Nonlinear) else {}
+
+
 def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Run:
     """Follow the motion of a model.
 
     Raises:
         ValueError: the model cannot follow a ground motion.
     """
-    checks.instance("model", model, (Piecewise, Nonlinear))
-    limits: dict[str, Any] = {"events": most}
-    # Only `Nonlinear` has settings here. The exact solution has its own rate of rest under a ground motion.
-    if isinstance(model, Nonlinear):
-        limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
+    limits: dict[str, Any] = {"events": most, **accuracy_of(model)}
     # The height of the hinge is the last parameter, and is known unless it is differentiated.
     limits["parameters"] = WIDTH - 1 if checks.is_concrete(p.kappa) else WIDTH
     row, forcing = ground_row_of(p), GroundForcing([pieces], free)

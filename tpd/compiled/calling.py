@@ -193,7 +193,9 @@ _TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, r
 
 def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """Return the trial call of a run over one forcing period."""
-    settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0))
+    settings = np.array(
+        of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0)
+    )
     return (shape(numbers_in(RUN)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 

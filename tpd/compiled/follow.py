@@ -291,11 +291,14 @@ def _follow_once(q, f, m, legs, w, s, events, trial):
             ended = advance(q, f, m, legs, w, i, 0.0, span_of(q, f))
         i += 1
     # A brief run may end as soon as the free motion cannot tilt the block further.
-    step = s.free if s.brief == 0.0 else 2.0 * math.pi
-    while ended == ARRIVED and begin < s.free and not (s.brief != 0.0 and _stays_below(q, y, largest(m, TILT))):
-        end = min(begin + step, s.free)
+    brief, end = s.brief != 0.0, 0.0
+    while ended == ARRIVED and not (
+        begin > 0.0 and (begin >= s.free or (brief and _stays_below(q, y, largest(m, TILT))))
+    ):
+        end = min(begin + 2.0 * math.pi, s.free) if brief else s.free
         ended = advance(q, f, m, legs, w, f.pieces, begin, end)
-        begin = end
+        # A run without free motion ends here as well.
+        begin = end if end > 0.0 else math.inf
     set_motion(y, m, trial)
     reset_counts(trial)
     trial.events, n = m.events, 0

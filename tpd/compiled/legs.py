@@ -198,7 +198,10 @@ def _carry_states(q, r, w, leg, directions, angles, m, n, by):
     series.terms(q, leg, e, math.inf, order, w)
     c = w.series
     v0, a0, r0, b0 = c[series.V, 0], c[series.V, 1], c[series.R, 0], c[series.R, 1]
-    (v, a), (rate, b) = series.value_and_slope(w, series.V, order, t), series.value_and_slope(w, series.R, order, t)
+    (v, a), (rate, b) = (
+        series.value_and_slope(w, series.V, order, t),
+        series.value_and_slope(w, series.R, order, t),
+    )
     slope = 0.0
     if event != CONTINUES and event < END:
         _, slope = series.value_and_slope(w, _signal(event), order, t)

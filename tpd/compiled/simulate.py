@@ -279,9 +279,7 @@ class _Batch(NamedTuple):
         return results
 
 
-def _run_under_harmonic(
-    batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
-) -> np.ndarray:
+def _run_under_harmonic(batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]) -> np.ndarray:
     """Simulate a batch of runs under a harmonic."""
     n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
     if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
@@ -295,9 +293,7 @@ def _run_under_harmonic(
     return batch.computed("SETTLE", times, **limits)
 
 
-def _run_under_motions(
-    batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]
-) -> np.ndarray:
+def _run_under_motions(batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> np.ndarray:
     """Simulate a batch of runs under ground motions."""
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
     # All ground motions are stored in one array. Each run has the row of its first piece.
@@ -399,7 +395,7 @@ def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     x, y, pieces, settings = primals
     # The directions of the derivatives are the parameters, and the components of the initial state if it is
     # differentiated.
-    _, of_start, of_pieces, _ = tangents
+    _, of_start, _, _ = tangents
     inputs = parameters if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
     # The largest angles often occur long before the end, so that their derivatives need only a part of the
     # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
@@ -408,16 +404,10 @@ def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
     _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
     of = parts(out, RUN)
-    xs, ys, samples, times = (
+    xs, ys, _, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
     )
     direction, point = jnp.concatenate([xs, ys]), jnp.concatenate([x, y])
-    if not isinstance(of_pieces, SymbolicZero):
-        # The package has no derivatives in the samples of a motion.
-        direction, point = jnp.append(direction, samples), jnp.append(point, pieces)
-        by_angles, by_end = (
-            jnp.hstack([by, jnp.full((len(by), samples.size), jnp.nan)]) for by in (by_angles, by_end)
-        )
     angles, end = moved(by_angles[ANGLES], direction, point), moved(by_end[END], direction, point)
     # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
     # a NaN reach only the program that needs this derivative.

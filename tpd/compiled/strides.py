@@ -102,7 +102,7 @@ def stride(q, f, m, w, i, s, end, limit):
             clear = abs(phi) < limit and min(before, m.direction * v) > of_v
             clear = clear and (m.tilt == m.direction or min(m.tilt * y[TILT], m.tilt * phi) > of_phi)
         else:
-            phi, v, of_apart, side = y[TILT], 0.0, of_psi, (0.0 if m.kind == REST else m.tilt)
+            phi, v, side = y[TILT], 0.0, (0.0 if m.kind == REST else m.tilt)
             hold = q.k + (q.weight if m.kind == REST else 0.0)
             one = excess(q, y[TILT], y[SWING], y[SWING_RATE], side, eta)
             two = excess(q, y[TILT], psi, r, side, last)
@@ -110,7 +110,9 @@ def stride(q, f, m, w, i, s, end, limit):
             of_phi, of_v = 0.0, 0.0
         # The bob may not turn within the stride at an angle that counts.
         turns = min(y[SWING_RATE] * r, 0.0) < 0.0 or min(abs(y[SWING_RATE]), abs(r)) <= of_r
-        clear = clear and (not turns or max(abs(y[SWING]), abs(psi)) + of_psi <= m.peaks[larger_side(m, SWING)])
+        clear = clear and (
+            not turns or max(abs(y[SWING]), abs(psi)) + of_psi <= m.peaks[larger_side(m, SWING)]
+        )
         if w.relative:
             one, two = y[SWING_RATE] - y[TILT_RATE], r - v
             turns = one * two < 0.0 or min(abs(one), abs(two)) <= of_r + of_v

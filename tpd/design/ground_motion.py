@@ -16,7 +16,6 @@ from itertools import chain, compress
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.optimize import root_scalar
 
 from tpd.answers.annual_rates import AnnualRates, rates_of_outcomes
 from tpd.answers.ensemble import Ensemble
@@ -477,6 +476,9 @@ def isolation_period(motion: GroundMotion, acceleration: float) -> float:
     while period > shortest:
         longer, period = period, period / (1.0 + max(_STEP, -above / _STEEPEST))
         if (above := excess(period)) > 0.0:
+            # The import takes a third of a second, and other searches do without it.
+            from scipy.optimize import root_scalar
+
             return float(root_scalar(excess, bracket=(period, longer), xtol=1e-4).root)
     return 0.0
 

@@ -48,7 +48,7 @@ from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
 
-TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 192, 2048, 50
+TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 96, 1024, 50
 """Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
 _COMPARED = 256
 """Number of paired runs of the linear equations for comparisons with changed scenes."""

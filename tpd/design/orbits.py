@@ -13,6 +13,7 @@ the smoothed model where there is no orbit to follow: where the block rests, and
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,11 +23,11 @@ from tpd.compiled.orbits import orbit_slopes, solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.progress import Count, unreported
-from tpd.design.angle_factors import AngleFactors
 from tpd.design.geometry import Geometry
 from tpd.design.newton import Linearisation
+from tpd.design.power_law import PowerLaw
 from tpd.design.risk import Risk
-from tpd.design.sizes import NEAR, NONE, REST, ROCKING, UNSTABLE, Evaluation, evaluate_sizes
+from tpd.design.sizes import NEAR, NONE, REST, ROCKING, UNSTABLE, Evaluation, Size, evaluate_sizes
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Limit, Objective, SteadyTilt, Worsening
 from tpd.models.half_period import half_period, newton, remaining
@@ -55,7 +56,7 @@ OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 SMOOTHED = Smoothed(rtol=1e-8, sharpness=0.005)
 """Default model of a descent. The error control ignores derivatives, so the tolerance is smaller and the
 smoothing is wider than for motions: second derivatives of a narrow layer need small steps."""
-_CHUNK = 32
+_CHUNK = 20
 """Number of orbits that take a step together on each core. All of them wait for the slowest."""
 _STEPS = 3
 """Largest number of steps of an orbit at one design. One step is sufficient if the design has moved
@@ -84,10 +85,8 @@ class Orbits:
     """Whether rest counts wherever the block can stay at rest, although it also rocks from other initial
     states."""
     objective: Objective = field(default_factory=SteadyTilt)
-    angles: AngleFactors = field(default_factory=AngleFactors)
-    """Factors on the angles of an orbit in its limits, because transients are larger."""
-    least_margins: np.ndarray | None = None
-    """Smallest allowed uplift margin under each condition, (n,); minus infinity where there is none."""
+    factors: Mapping[str, PowerLaw] = field(default_factory=dict)
+    """Factors on limited quantities of orbits, by name, because transients are larger."""
 
     def evaluate(self, designs: np.ndarray, progress: Count = unreported) -> Evaluation:
         """Evaluate designs (mu, lam, zeta), shape (m, 3), under all conditions."""
@@ -143,33 +142,25 @@ class Orbits:
         """Return the risk of the merits, (m,)."""
         return self.risk.of(e.merit)
 
+    def limited(self, e: Evaluation) -> list[Size]:
+        """Return the limited quantities over their limits, with the factors by which runs exceed orbits."""
+        out = list[Size]()
+        for name, value, slope in evaluate_sizes(self.limits, e, self.geometry, slopes=True):
+            if (law := self.factors.get(name)) is not None:
+                by, moved = law.at(e.design)
+                slope = by[:, None, None] * slope + value[..., None] * moved[:, None]
+                value = by[:, None] * value
+            out.append(Size(name, value, slope))
+        return out
+
     def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Return constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of
         sizes."""
-        m, factors = len(e.kind), self.angles.of([limit.name for limit in self.limits], e.design)
-        sizes = evaluate_sizes(self.limits, e, self.geometry, slopes=True, factors=factors)
-        # A quantity that no angle changes has its own factor.
-        more = [self.angles.sizes.get(s.name, 1.0) for s in sizes]
-        pairs = list(zip(more, sizes, strict=True))
-        value = np.concatenate([np.zeros((m, 0)), *(x * s.value - 1.0 for x, s in pairs)], axis=1)
-        slope = np.concatenate([np.zeros((m, 0, 3)), *(x * s.slope for x, s in pairs)], axis=1)
-        # The block must be able to rest where it can rest without a pendulum.
-        if self.least_margins is not None:
-            value = np.concatenate([value, self.least_margins - self.margins(e.design)], axis=1)
-            slope = np.concatenate([slope, -self._margin_slopes(e.design)], axis=1)
-            # Minus infinity is no limit.
-            value = np.maximum(value, -10.0)
+        m, sizes = len(e.kind), self.limited(e)
+        value = np.concatenate([np.zeros((m, 0)), *(s.value - 1.0 for s in sizes)], axis=1)
+        slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
         # A quantity that is not finite breaks its limit, but has no derivative that shows the direction back.
         return np.where(np.isfinite(value), value, 10.0), slope
-
-    def _margin_slopes(self, designs: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the uplift margins of designs (m, 3), shape (m, n, 3)."""
-        q = under_all(self.p, designs, self.conditions)
-        design, n = np.stack([q.mu, q.lam, q.zeta]), len(self.conditions)
-        along = _directions(self.p, q, self.conditions, len(designs))[:, :, [MU, LAM, ZETA]]
-        stepped = (with_design(q, design + 1j * _STEP * along[:, i].T) for i in range(3))
-        slopes = [np.imag(uplift(x).margin) / _STEP for x in stepped]
-        return np.stack(slopes, axis=-1).reshape(len(designs), n, 3)
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Return merits, tightened constraints and their derivatives along the searched shares of the

@@ -11,7 +11,7 @@ The descents minimise a risk measure of the objective over all conditions under 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
@@ -21,9 +21,9 @@ import numpy as np
 import optax
 
 from tpd.core.progress import Count, Progress, unreported
-from tpd.design.angle_factors import AngleFactors
 from tpd.design.newton import NARROW, PENALTY, WIDE, Linearisation, newton, smoothed, width_at
 from tpd.design.orbits import BACK_OFF, Orbits, SmoothedOrbits
+from tpd.design.power_law import PowerLaw
 from tpd.design.settings import Descent
 from tpd.design.sizes import NEAR, Evaluation
 from tpd.design.space import first_apart
@@ -70,10 +70,6 @@ class Search:
 
     screened: np.ndarray
     """Designs (mu, lam, zeta) that were evaluated before the descents, (m, 3)."""
-    screened_value: np.ndarray
-    """Risk of these designs plus the excess over limits, (m,)."""
-    screened_feasible: np.ndarray
-    """Whether these designs keep the limits, (m,)."""
     paths: tuple[np.ndarray, ...]
     """Designs along each descent, each (steps, 3)."""
     ends: np.ndarray
@@ -84,18 +80,12 @@ class Search:
     """Indices of all ends, best first."""
     statuses: tuple[SearchStatus, ...]
     """How each descent ended."""
-    mismatch: np.ndarray
-    """Largest relative differences of merits (mostly tilts) and of slopes between the model of the descent
-    and the exact solution at its end, (searches, 2). Zero if the descent used exact orbits."""
-    stopped: np.ndarray
-    """Number of orbits that the model could not follow along each descent, (searches,). The exact solution
-    replaced them."""
     evaluations: int
     """Number of designs that were evaluated, including the screening."""
     description: str
     """Words for the number of designs from which the search started."""
-    angles: AngleFactors = field(default_factory=AngleFactors)
-    """Factors on the angles of orbits in the limits, after the last correction."""
+    factors: Mapping[str, PowerLaw] = field(default_factory=dict)
+    """Factors on limited quantities of orbits, by name, after the last correction."""
     corrected: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     """Best designs before and after each correction of the limits by runs, (k, 3)."""
 
@@ -129,19 +119,17 @@ def search(
     _check_size(orbits, e)
     local = orbits.linearised(e)
     # Designs slightly beyond a limit stay in the order, because a descent leads them back inside.
-    excess = np.maximum(local.limit, 0.0).sum(axis=1)
-    screened_value = orbits.value(e) + excess
+    screened_value = orbits.value(e) + np.maximum(local.limit, 0.0).sum(axis=1)
     # The first guess is always a start, because it is often near the best design.
     # The number of starts is smaller than `searches` if screened designs coincide.
     order = screened_value if guess is None else np.r_[-np.inf, screened_value[1:]]
     chosen = best_apart(space.scaled(designs), order, settings.searches)
 
     # Descents.
-    starts, at_starts, evaluate, walk = space.scaled(designs[chosen]), local.at(chosen), orbits.at, None
+    starts, at_starts, evaluate = space.scaled(designs[chosen]), local.at(chosen), orbits.at
     if isinstance(settings.model, Smoothed):
         # The smoothed model follows an orbit from step to step, so that it needs the orbits of the starts.
-        walk = SmoothedOrbits(orbits, settings.model, e.at(chosen))
-        evaluate = walk.at
+        evaluate = SmoothedOrbits(orbits, settings.model, e.at(chosen)).at
     cap, total, steps = risk.cap(len(orbits.conditions)), settings.steps + settings.polish, settings.steps
     descents = descend(
         settings.optimiser,
@@ -156,7 +144,7 @@ def search(
     # Smoothing moves an active limit a little, so a design on it could exceed the exact one.
     # The exact orbits confirm the ends, and the last steps use their gradients.
     exact = orbits.at(descents.x)
-    mismatch, before, converged = _mismatch(descents.local, exact), descents.path, descents.converged
+    before, converged = descents.path, descents.converged
     descents = polish(
         orbits, descents.x, exact, settings.polish, lambda step, _: report("searching", steps + step, total)
     )
@@ -168,15 +156,11 @@ def search(
     values = np.where(kept, risk.of(exact.value), np.inf)
     return Search(
         screened=designs,
-        screened_value=screened_value,
-        screened_feasible=excess == 0.0,
         paths=tuple(np.moveaxis(space.unscaled(np.concatenate([before, descents.path[1:]])), 1, 0)),
         ends=space.unscaled(x),
         end_values=values,
         order=np.lexsort((merit, values)),
         statuses=statuses,
-        mismatch=mismatch,
-        stopped=np.zeros(len(x), int) if walk is None else walk.stopped,
         evaluations=len(designs) + total * len(x),
         description=f"{settings.searches} designs",
     )
@@ -202,15 +186,6 @@ def _check_size(orbits: Orbits, e: Evaluation) -> None:
             f"`size` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
             f"but are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
         )
-
-
-def _mismatch(model: Linearisation, exact: Linearisation) -> np.ndarray:
-    """Return the largest relative differences of merits and of slopes between a model and the exact solution,
-    (m, 2)."""
-    apart = np.abs(model.value - exact.value) / np.maximum(np.abs(exact.value), 1e-12)
-    steep = np.maximum(np.abs(exact.slope).max(axis=(1, 2), keepdims=True), 1e-12)
-    change = np.abs(model.slope - exact.slope) / steep
-    return np.stack([apart.max(axis=1), change.max(axis=(1, 2))], axis=1)
 
 
 def _status(x: np.ndarray, at: Linearisation, converged: bool) -> SearchStatus:

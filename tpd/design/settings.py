@@ -50,12 +50,12 @@ class Descent:
     """Number of designs from which a descent starts. One of them is the first guess."""
     screening: checks.Whole = field(default=256, kw_only=True)
     """Number of designs that are evaluated before the descents, to choose where the descents start."""
-    steps: checks.Whole = field(default=40, kw_only=True)
+    steps: checks.Whole = field(default=20, kw_only=True)
     """Number of steps of each descent."""
     corrections: checks.Whole = field(default=4, kw_only=True)
-    """Number of times that runs correct the angles of the bob in the limits, after which the best descents
-    continue; 0 for none."""
-    polish: checks.Whole = field(default=40, kw_only=True)
+    """Number of times that runs correct the limits of the descents, after which the best descents continue; 0
+    for none."""
+    polish: checks.Whole = field(default=60, kw_only=True)
     """Number of further steps on the exact orbits, from the end of each descent."""
 
     def __post_init__(self) -> None:

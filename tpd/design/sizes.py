@@ -106,12 +106,10 @@ def evaluate_sizes(
     g: Geometry,
     *,
     slopes: bool = False,
-    factors: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> list[Size]:
     """Return the sizes of limits or objectives for m designs under n conditions.
 
-    Without `slopes` all derivatives are zero. `factors` multiply the angles of the motion: factors (m, k) for
-    k functions, and their derivatives with respect to the design, (m, k, 3); by default all are one.
+    Without `slopes` all derivatives are zero.
 
     Raises:
         ValueError: a function cannot be traced by JAX, or does not return one number.
@@ -129,10 +127,7 @@ def evaluate_sizes(
     moves = Motion(e.tilt_slope, e.swing_slope, turning, none, none, e.reserve_slope, e.remaining_slope)
     design = Ratios(*(np.broadcast_to(x[:, None], (m, n)) for x in e.design.T))
     numbers = [np.broadcast_to(getattr(g, name), (m, n)) for name in _NUMBERS]
-    k = len(functions)
-    by, moved = factors or (np.ones((m, k)), np.zeros((m, k, 3)))
-    by, moved = (np.broadcast_to(x[:, None], (m, n, *x.shape[1:])) for x in (by, moved))
-    batch = [motion, design, numbers, by, *([moves, moved] if slopes else [])]
+    batch = [motion, design, numbers, *([moves] if slopes else [])]
     # Without a pair, a pair of ones gives the names of the sizes.
     count, one = m * n, max(m * n, 1)
     flat = jax.tree.map(lambda x: np.resize(x if count else 1.0, (one, *x.shape[2:])), batch)
@@ -159,22 +154,16 @@ def evaluate_sizes(
 def _sizes_of(functions: tuple[Limit | Objective, ...], bob: Bob, slopes: bool) -> Callable[[Any], Any]:
     """Return a function of one motion, for `in_chunks`: all sizes by their names, and their derivatives."""
 
-    def sizes(motion: Motion, design: Ratios, numbers: Any, factors: Any) -> OrderedDict[str, Any]:
+    def sizes(motion: Motion, design: Ratios, numbers: Any) -> OrderedDict[str, Any]:
         geometry = Geometry(**dict(zip(_NUMBERS, numbers, strict=True)), bob=bob)
-        angles = motion.tilt, motion.swing, motion.rod_angle
-        # Only the angles grow in transients. Margins and stability are those of the orbit.
-        larger = [Motion(*(x * factor for x in angles), *motion[len(angles) :]) for factor in factors]
-        every = (f.sizes(x, design, geometry) for f, x in zip(functions, larger, strict=True))
+        every = (f.sizes(motion, design, geometry) for f in functions)
         # JAX keeps the order of this class only. A plain number is a constant, without a derivative.
         return OrderedDict((n, jnp.asarray(x, float).reshape(())) for one in every for n, x in one.items())
 
-    def with_slopes(
-        motion: Motion, design: Ratios, numbers: Any, factors: Any, moves: Motion, moved: Any
-    ) -> Any:
-        def along(move: Motion, axis: Any, change: Any) -> Any:
-            tangents = move, Ratios(*axis), change
-            return jax.jvp(lambda m, d, f: sizes(m, d, numbers, f), (motion, design, factors), tangents)
+    def with_slopes(motion: Motion, design: Ratios, numbers: Any, moves: Motion) -> Any:
+        def along(move: Motion, axis: Any) -> Any:
+            return jax.jvp(lambda m, d: sizes(m, d, numbers), (motion, design), (move, Ratios(*axis)))
 
-        return jax.vmap(along, in_axes=-1, out_axes=(None, -1))(moves, jnp.eye(3), moved)
+        return jax.vmap(along, in_axes=-1, out_axes=(None, -1))(moves, jnp.eye(3))
 
     return lambda batch: with_slopes(*batch) if slopes else (sizes(*batch), {})

@@ -10,10 +10,10 @@ each value best from all other values.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import RBFInterpolator
 
 _SMOOTHINGS = 1e-3, 0.03, 1.0
 """Weights of the curvature of the spline that are tried."""
@@ -23,8 +23,8 @@ _SMOOTHINGS = 1e-3, 0.03, 1.0
 class Trend:
     """Smoothing spline through values at designs."""
 
-    smoother: RBFInterpolator
-    """Spline through the unit vectors: at each point the weights of all values."""
+    smoother: Any
+    """`RBFInterpolator` of SciPy through the unit vectors: at each point the weights of all values."""
     values: Float[np.ndarray, " n"]
     """Values at the designs, (n,)."""
     noise: float
@@ -47,6 +47,9 @@ def fit(at: Float[np.ndarray, "n d"], values: Float[np.ndarray, " n"]) -> Trend:
     Raises:
         ValueError: there are fewer values than `least_values`.
     """
+    # The import takes a third of a second, and only searches under ground motions need it.
+    from scipy.interpolate import RBFInterpolator
+
     best, least = None, np.inf
     for smoothing in _SMOOTHINGS:
         smoother = RBFInterpolator(at, np.eye(len(values)), smoothing=smoothing, degree=1)

@@ -19,9 +19,9 @@ from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
 from tpd.scene.scene import Block
 
-USUAL, _WIDENINGS = 0.2, (0.05, 0.1, 0.2, 0.35, 0.5)
-"""Relative widenings of the base. Those above `USUAL` are followed only if no narrower base is worth as much
-as the pendulum."""
+USUAL, _NARROWER, _WIDER = 0.2, (0.05, 0.1), (0.35, 0.5)
+"""Relative widenings of the base. The wider bases are followed only if the usual one is not worth as much as
+the pendulum, and otherwise the narrower ones."""
 _SAMPLES = 1000
 """Number of bootstrap samples."""
 
@@ -70,22 +70,28 @@ def wider_bases(
         progress: function of (stage, bases done, total).
     """
     bases = list[WiderBase]()
-    for done, widening in enumerate(_WIDENINGS):
-        progress("wider bases", done, len(_WIDENINGS))
-        # Few widths are followed, because each takes as long as a part of the validation.
-        if widening > USUAL and not (
-            (worth := worth_of(runs, measure, bases)) and math.isinf(worth.widening)
-        ):
-            break
+
+    def add(widening: float) -> None:
+        progress("wider bases", len(bases), 3)
         try:
             block = problem.scene.block.widened(1.0 + widening)
         except ValueError:
-            # The equations do not hold for this block, and for no wider one either.
-            break
+            # The equations do not hold for a block that is too wide.
+            return
         # The seed is that of the quoted runs, which have the same initial states and the same scatter.
         alone = problem.with_block(block).validation_runs(None, runs.with_pendulum.seed)
         bases.append(WiderBase(widening, block, replace(runs, with_pendulum=alone, passed=None)))
-    return tuple(bases)
+
+    def is_short() -> bool:
+        worth = worth_of(runs, measure, bases)
+        return worth is not None and math.isinf(worth.widening)
+
+    # Few widths are followed, because each takes as long as a part of the validation.
+    add(USUAL)
+    for widening in _WIDER if is_short() else _NARROWER:
+        if widening < USUAL or is_short():
+            add(widening)
+    return tuple(sorted(bases, key=lambda base: base.widening))
 
 
 def worth_of(runs: PairedRuns, measure: str, bases: Sequence[WiderBase]) -> Worth | None:

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
-from scipy.optimize import root_scalar
 
 from tpd.core.formatting import number
 from tpd.design.design import Design
@@ -128,19 +127,18 @@ class _AsBuilt(NamedTuple):
     @property
     def clearance_in_words(self) -> str:
         """Clearance between the body and the walls, and the angle of wall contact, as a text."""
-
-        def excess(angle: float) -> float:
-            return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
-
-        clearance = -excess(self.angle)
+        clearance = self.wall - self.reach
         text = (
             f"clearance at this swing: {number(1e3 * clearance, 3)} mm"
             if clearance > 0.0
             else "the bob touches the wall"
         )
         # There is no angle of contact if the body is wider than the cavity, or too short to reach the wall.
-        if excess(0.0) < 0.0 < excess(0.5 * math.pi):
-            contact = float(root_scalar(excess, bracket=(0.0, 0.5 * math.pi)).root)
+        angles = np.linspace(0.0, 0.5 * math.pi, 2001)
+        excess = self.body.reach(self.mass, self.rod, angles) - self.wall
+        if excess[0] < 0.0 < excess[-1]:
+            beyond = int(np.argmax(excess > 0.0))
+            contact = float(np.interp(0.0, excess[beyond - 1 : beyond + 1], angles[beyond - 1 : beyond + 1]))
             text += f"\nwall contact at ±{contact:.3g} rad (±{math.degrees(contact):.3g}°)"
         return text
 

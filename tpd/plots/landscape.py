@@ -12,7 +12,6 @@ from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
 from tpd.design.search import Search
-from tpd.design.sizes import evaluate_sizes
 from tpd.design.trials import Trials
 from tpd.plots.style import (
     HALO,
@@ -115,7 +114,7 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     problem: Any = design.problem
     # Exact orbits under the conditions of the descents, with the limits after the last correction.
-    orbits = replace(problem.searched, angles=search.angles)
+    orbits = replace(problem.searched, factors=search.factors)
     e = orbits.evaluate(designs)
     value, without = (orbits.value(of) for of in (e, orbits.evaluate(orbits.massless)))
     (other,) = {0, 1, 2} - {*axes.tolist()}
@@ -123,8 +122,7 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
     _shade(ax, x, y, value.reshape(_COARSE, _COARSE), float(without[0]), label)
     # One edge for each limit shows which limit holds the design.
     sizes: dict[str, np.ndarray] = {}
-    factors = search.angles.of([limit.name for limit in orbits.limits], designs)
-    for size in evaluate_sizes(orbits.limits, e, orbits.geometry, factors=factors):
+    for size in orbits.limited(e):
         z = np.log(np.clip(size.value.max(axis=1), *_CLIPPED))
         sizes[size.name] = median_filter(z.reshape(_COARSE, _COARSE), 3)
     _hatch(ax, x, y, sizes)

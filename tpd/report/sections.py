@@ -324,8 +324,8 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     text = (
         f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. They "
         f"started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} designs: "
-        f"{ends}. Runs then corrected the angles of the bob in the limits {len(search.corrected) - 1} times, "
-        "and the descents continued from there (numbers in the picture)."
+        f"{ends}. Runs then corrected the limits {len(search.corrected) - 1} times, and "
+        "the descents continued from there (numbers in the picture)."
     )
     return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
 
