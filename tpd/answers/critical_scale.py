@@ -190,8 +190,8 @@ def _with_slope(model: Any, p: Parameters, pieces: Any, late: Any, first: Any) -
 def _run(model: Any, c: np.ndarray, late: float, rows: np.ndarray) -> Runs:
     """Simulate runs under the motion with the pieces `c`."""
     # The exact solution has the accuracy of rounding.
-    limits = {"rtol": model.rtol} if isinstance(model, Nonlinear) else {}
-    return follow_runs(model.equations, rows, GroundForcing([c], late), brief=True, **limits)
+    rtol = model.rtol if isinstance(model, Nonlinear) else simulate.EXACT
+    return follow_runs(model.equations, rows, GroundForcing([c], late), brief=True, rtol=rtol)
 
 
 def _scanned(

@@ -15,12 +15,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.compiled.calling import RUNS, numbers_in, parts, shape
-from tpd.compiled.simulate import accuracy
-from tpd.theory.equations import Terms
 from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY, WIDTH
 from tpd.compiled.derivatives import with_slopes
 from tpd.compiled.rows import packed, row_of
-from tpd.compiled.simulate import EVENTS, REST_RATES
+from tpd.compiled.simulate import EVENTS, REST_RATES, accuracy
 from tpd.core import checks
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import single

@@ -152,7 +152,7 @@ def steady_state(
     Args:
         p: dimensionless parameters. Derivatives with respect to them are exact.
         model: `Piecewise()`, the exact solution of the linear model (default); `Smoothed()`;
-            `Nonlinear()`, the nonlinear model, without derivatives; or `Auto()`, which selects a model.
+            `Nonlinear()`, the nonlinear model; or `Auto()`, which selects a model.
             The amplitude of `Smoothed()` is compared with that of the exact motion from the same initial
             state. If they differ by more than 5 %, the status is inexact, see `Steady.estimate`.
         y0: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau. By default block

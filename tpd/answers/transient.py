@@ -45,9 +45,8 @@ class Transient(eqx.Module):
     that is infinite or zero, of the time of overturning, those in the samples of a record and in the cycles
     and the phase of a pulse, and all second derivatives are also NaN. Counts have no derivatives.
 
-    With the nonlinear model (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
-    the block overturns if its tilt reaches a right angle. A run whose energy is sufficient for this continues
-    beyond its end until the outcome is certain.
+    With the nonlinear model (`Nonlinear`) the block overturns if its tilt reaches a right angle. A run whose
+    energy is sufficient for this continues beyond its end until the outcome is certain.
 
     Attributes:
         tilt: largest |phi|, rad; infinite if the block overturns.

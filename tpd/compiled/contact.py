@@ -123,10 +123,3 @@ def turn(q, y, at_once, eta, mode):
     if at_once and mode.kind == SLIP:
         # The block was released at a moment that only touched the limit. It does not move.
         mode.kind = STICK if y[TILT] != 0.0 else REST
-
-
-@compiled
-def release(side, mode):
-    """Change the mode at the release of a held block to a side."""
-    mode.tilt = side if mode.kind == REST else mode.tilt
-    mode.kind, mode.direction = SLIP, side

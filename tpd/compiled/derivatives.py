@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import Primitive
-from jax.flatten_util import ravel_pytree
 from jax.interpreters import ad, batching, mlir
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
@@ -33,12 +32,6 @@ def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
 def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     (value, usable), (tangent, _) = primals, tangents
     return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangent, value)
-
-
-def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Return `value`, which depends on the pytree `p`. Its derivative is unknown and therefore NaN."""
-    flat, _ = ravel_pytree(p)
-    return with_slopes(flat, value, jnp.full((*value.shape, flat.size), jnp.nan))
 
 
 @jax.custom_jvp

@@ -27,7 +27,7 @@ from tpd.compiled.columns import (
     TILT_PULL,
     TILT_RATE,
 )
-from tpd.compiled.contact import beyond_return, decide, land, release, start_mode, turn
+from tpd.compiled.contact import beyond_return, decide, land, start_mode, turn
 from tpd.compiled.forcing import FIRST_PIECE, NO, YES, forcing_now, harmonic, load_at, span_of
 from tpd.compiled.motion import (
     CONTINUES,
@@ -49,7 +49,7 @@ from tpd.compiled.motion import (
 )
 from tpd.compiled.plant import compiled
 from tpd.compiled.repetition import scales_of
-from tpd.compiled.strides import stride
+from tpd.compiled.strides import follow_strides
 
 ARRIVED, BEYOND, EXHAUSTED, NOT_FINITE = range(4)
 """Outcomes of a part of a run: it arrived at its end; the tilt is beyond return; the bound on events was
@@ -119,7 +119,9 @@ def _pass_event(q, m, legs, event, at_once, pull, w, eta):
         turn(q, y, at_once, eta, m)
         crossing = abs(pull) / (usual * usual * q.weight)
     else:
-        release(1.0 if event == RELEASE_UP else -1.0, m)
+        # The release of a held block to a side.
+        m.direction = 1.0 if event == RELEASE_UP else -1.0
+        m.tilt, m.kind = m.direction if m.kind == REST else m.tilt, SLIP
     if m.kind == SLIP:
         m.transversality = min(m.transversality, crossing)
     m.hold_level = 1.0 if m.hold_level > 0.0 or m.kind != SLIP else 0.0
@@ -149,7 +151,7 @@ def advance(q, f, m, legs, w, i, s, end):
     pace, passed = math.inf, s
     for _ in range(MAX_STEPS):
         if strides and pace > w.stride:
-            s = stride(q, f, m, w, i, s, end, limit)
+            s = follow_strides(q, f, m, w, i, s, end, limit)
             strides = f.harmonic and w.stride > 0.0
             if s == end:
                 return ARRIVED

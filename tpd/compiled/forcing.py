@@ -54,9 +54,9 @@ def load_at(q, f, i, s):
         return Load(h + zero, h * s, f.share + f.rate * s + zero, f.rate + zero, zero, zero)
     if i >= f.pieces:
         return Load(zero, zero, zero, zero, zero, zero)
-    c = f.cubics
-    a, b, g = c[i, 1] / h, c[i, 2] / (h * h), c[i, 3] / (h * h * h)
-    e0, e1 = c[i, 0] + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
+    c0, c1, c2, c3 = f.cubics[i]
+    a, b, g = c1 / h, c2 / (h * h), c3 / (h * h * h)
+    e0, e1 = c0 + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
     return Load(zero, zero, e0, e1, b + 3.0 * s * g, g + zero)
 
 

@@ -12,7 +12,17 @@ import math
 import numpy as np
 
 from tpd.compiled import series
-from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE, WIDTH
+from tpd.compiled.columns import (
+    REST,
+    SLIP,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+    WIDTH,
+)
 from tpd.compiled.contact import impact
 from tpd.compiled.forcing import Load, forcing_now, harmonic, load_at, span_of
 from tpd.compiled.motion import (
@@ -26,6 +36,7 @@ from tpd.compiled.motion import (
     larger_side,
 )
 from tpd.compiled.plant import COMPLEX_PLANT, STEP, coefficients, compiled, growing_mode, part
+from tpd.compiled.series import SLOPE, VALUE
 
 INPUTS = np.int64(WIDTH + 4)
 """Number of directions of the derivatives: the parameters and four components of the initial state."""
@@ -36,9 +47,9 @@ OF_END, OF_GROWING, OF_TIMES, OF_UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 1
 """Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
 end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
 of rows."""
-STATES = np.int64(9)
-"""Number of columns of a history: phi, psi, their rates and accelerations, the forcing, the kind of the mode
-and the sign of the tilt."""
+_FORCING, _KIND, _SIDE, STATES = map(np.int64, (6, 7, 8, 9))
+"""Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
+the tilt), and the number of columns."""
 _WHEN, _RATE = 0, 1
 """Columns of the table of impacts: time, and rate after the impact."""
 _ROUNDING = 1e-12
@@ -58,12 +69,14 @@ READER = np.dtype(
         ("dy", np.float64, (4, int(INPUTS) + 1)),
         ("shift", np.float64, (int(INPUTS) + 1,)),
         ("inverse", np.float64, (3,)),
+        ("work", series.WORK),
     ],
     align=True,
 )
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
-other directions, from a `row` of parameters; a complex `series`; and the derivatives `dy` of the state and `shift` of the local time, in
-all directions and in that of the start time. `inverse` is zero: complex series have no allowed errors."""
+other directions, from a `row` of parameters; a complex `series`; the derivatives `dy` of the state and
+`shift` of the local time, in all directions and in that of the start time; `inverse`, which is not used
+because these series have the order of their leg; and a workspace (`work`) for real series."""
 
 
 @part
@@ -148,10 +161,10 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         # A block on its base, or held at a tilt, forgets how it came there.
         if leg.kind != SLIP:
             r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.kind == REST else r.dy[TILT, j]), 0.0
-        c[series.PHI, series.VALUE] = complex(y[TILT], r.dy[TILT, j] * STEP)
-        c[series.PSI, series.VALUE] = complex(y[SWING], r.dy[SWING, j] * STEP)
-        c[series.V, series.VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
-        c[series.R, series.VALUE] = complex(y[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
+        c[series.PHI, VALUE] = complex(y[TILT], r.dy[TILT, j] * STEP)
+        c[series.PSI, VALUE] = complex(y[SWING], r.dy[SWING, j] * STEP)
+        c[series.V, VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
+        c[series.R, VALUE] = complex(y[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
         e = load_at(q, f, leg.piece, complex(leg.start, before * STEP))
         series.terms(q, leg, e, math.inf, order, r)
         phi, psi = series.value_at(r, series.PHI, order, t), series.value_at(r, series.PSI, order, t)
@@ -186,18 +199,19 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
 
 
 @compiled
-def _carry_states(q, r, w, leg, directions, angles, m, n, by):
+def _carry_states(q, r, leg, directions, angles, m, n, by):
     """Carry derivatives in initial states through leg n under a harmonic, for the linear equations (25).
 
-    See `carry_through_leg`. A change of the state is a motion without forcing, weight and friction, so that real
-    numbers are enough.
+    See `carry_through_leg`. A change of the state is a motion without forcing, weight and friction, so that
+    real numbers are enough.
     """
-    (first, last), order, t, event, y = directions, leg.order, leg.duration, leg.event, w.trial.y
+    (first, last), order, t, event, w = directions, leg.order, leg.duration, leg.event, r.work
+    y = w.trial.y
     series.load_state(leg.y, w)
     e = load_at(q, harmonic(), leg.piece, leg.start)
     series.terms(q, leg, e, math.inf, order, w)
     c = w.series
-    v0, a0, r0, b0 = c[series.V, 0], c[series.V, 1], c[series.R, 0], c[series.R, 1]
+    v0, a0, r0, b0 = c[series.V, VALUE], c[series.V, SLOPE], c[series.R, VALUE], c[series.R, SLOPE]
     (v, a), (rate, b) = (
         series.value_and_slope(w, series.V, order, t),
         series.value_and_slope(w, series.R, order, t),
@@ -243,7 +257,7 @@ def _carry_states(q, r, w, leg, directions, angles, m, n, by):
 
 
 @compiled
-def carry_through_leg(q, r, w, f, leg, directions, angles, m, n, by):
+def carry_through_leg(q, r, f, leg, directions, angles, m, n, by):
     """Carry the derivatives of a reader through leg n of a motion and past its event.
 
     If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
@@ -253,7 +267,7 @@ def carry_through_leg(q, r, w, f, leg, directions, angles, m, n, by):
     if q.linear != 0.0 and f.harmonic:
         _carry_complex(r, f, leg, (first, min(last, STATE)), angles, m, n, by)
         if last > STATE:
-            _carry_states(q, r, w, leg, (max(first, STATE), last), angles, m, n, by)
+            _carry_states(q, r, leg, (max(first, STATE), last), angles, m, n, by)
     else:
         _carry_complex(r, f, leg, directions, angles, m, n, by)
 
@@ -292,7 +306,7 @@ def _nearest_leg(q, f, legs, count):
 
 
 @compiled
-def read_derivatives(q, f, m, legs, r, w, directions, angles_only, by):
+def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
     """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last arc.
 
     `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
@@ -321,7 +335,7 @@ def read_derivatives(q, f, m, legs, r, w, directions, angles_only, by):
             # The last arc decides whether the block overturns or falls back.
             coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
             by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
-        carry_through_leg(q, r, w, f, leg, directions, True, m, n, by)
+        carry_through_leg(q, r, f, leg, directions, True, m, n, by)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
@@ -380,17 +394,18 @@ def store_state_at(q, f, leg, t, w, out):
 
     It has the columns of a history, of which `out` may have the first ones.
     """
-    e = load_at(q, f, leg.piece, leg.start)
     series.load_state(leg.y, w)
-    # Without allowed errors the order is that of the leg.
-    w.inverse[:] = 0.0
-    series.terms(q, leg, e, math.inf, leg.order, w)
-    for i, row in enumerate((series.PHI, series.PSI)):
-        out[i] = series.value_at(w, row, leg.order, t)
-    for i, row in enumerate((series.V, series.R)):
-        out[2 + i], out[4 + i] = series.value_and_slope(w, row, leg.order, t)
-    if len(out) > 6:
-        out[6], out[7], out[8] = q.f * forcing_now(q, f, leg.piece, leg.start + t), leg.kind, leg.tilt
+    series.terms(q, leg, load_at(q, f, leg.piece, leg.start), math.inf, leg.order, w)
+    out[TILT] = series.value_at(w, series.PHI, leg.order, t)
+    out[SWING] = series.value_at(w, series.PSI, leg.order, t)
+    out[TILT_RATE], out[TILT_PULL] = series.value_and_slope(w, series.V, leg.order, t)
+    out[SWING_RATE], out[SWING_PULL] = series.value_and_slope(w, series.R, leg.order, t)
+    if len(out) > _FORCING:
+        out[_FORCING], out[_KIND], out[_SIDE] = (
+            q.f * forcing_now(q, f, leg.piece, leg.start + t),
+            leg.kind,
+            leg.tilt,
+        )
 
 
 @compiled

@@ -50,8 +50,9 @@ _CLOSE = 1e-9
 _ROUND_OFF = 1e-13
 """Residual of the map from which the last Newton step leads to an orbit that is exact to rounding."""
 Limits = namedtuple("Limits", "events directions reach")
-"""Options of the search: `events`, the bound on the events of a forcing period; `directions`, the first direction that needs derivatives and the one after
-the last; `reach`, the largest residual from which Newton's method continues."""
+"""Options of the search: `events`, the bound on the events of a forcing period; `directions`, the first
+direction that needs derivatives and the one after the last; `reach`, the largest residual from which Newton's
+method continues."""
 CYCLE = np.dtype(
     [
         ("end", np.float64, (4,)),
@@ -172,7 +173,7 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     sound = ended == ARRIVED
     if sound:
         _include_event_at_end(q, m, legs, w, start, buffers.motions[TRIAL], limits)
-        read_derivatives(q, harmonic(), m, legs, r, w, limits.directions, NO, c.by)
+        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO, c.by)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)

@@ -161,7 +161,7 @@ def _follow_ground(a, first, last, history, buffers):
         # Derivatives that do not exist are never written, and must be NaN.
         table[:] = math.nan
         fill_plants(x[n], min(inputs, STATE), s[n].linear, r)
-        out.growing = read_derivatives(q, f, m, legs, r, w, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
+        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
         _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
         # The accelerations at the end, where no forcing acts.
         m.n_legs = 0

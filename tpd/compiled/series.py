@@ -47,7 +47,7 @@ WORK = np.dtype(
         ("relative", np.bool_),
         ("strides", _STRIDE, (2,)),
         ("stride", np.float64),
-        ("z", np.float64, (8,)),
+        *((name, np.float64, (8,)) for name in ("z", "now")),
         ("trial", MOTION),
     ],
     align=True,
@@ -56,9 +56,11 @@ WORK = np.dtype(
 both rates and of the moment on a held block; the largest `order`; the relative tolerance `rtol` of a step;
 `capture`, the largest speed |phi'| of an impact that may end in rest; the usual rates of block and bob
 (`rate`, `swing`); `period`, the time scale for rounding errors of times; and whether the largest |psi - phi|
-is computed (`relative`). For `tpd.compiled.strides`: the map of a stride, the bounds of the second derivatives
-and whether they are known (1; -1 if their series do not converge), for the slipping and for the held block;
-the length of a `stride`; the state `z` with the forcing; and another motion."""
+is computed (`relative`).
+
+For `tpd.compiled.strides`: the `strides` of the slipping and of the held block (the map of a stride, the
+bounds of second derivatives, and whether both are known); the length of a `stride`; the state `z` with the
+forcing at its start; the state with the bounds at its end (`now`); and another motion (`trial`)."""
 _NONE = np.int64(0)
 """Zero, as a NumPy scalar."""
 _HALVED = 60
@@ -287,8 +289,8 @@ def _expand_held(q, m, remaining, most, w):
 def terms(q, m, e, remaining, most, w):
     """Compute the series of a motion under the forcing `e`, and return its order.
 
-    The series of `w` has the state in the column `VALUE`. `w` is a record `WORK`, or the reader of derivatives
-    with a complex series, for which `remaining` is infinite and the order is `most`.
+    The series of `w` has the state in the column `VALUE`. `w` is a record `WORK`, or a reader of derivatives
+    with a complex series. If the time `remaining` is infinite, the order is `most`.
     """
     if q.linear.real != 0.0 and m.kind == SLIP:
         return _expand_linear(q, m, e, remaining, most, w)

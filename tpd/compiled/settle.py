@@ -90,8 +90,8 @@ def _settled_swing(q, m, legs, w, scales, remaining, trial, peaks):
     # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
     # the product of both.
     attracts = abs(2.0 + a + d) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
-    # While the bob settles, its own swing adds to the moment on the block. Its energy never grows, which gives
-    # this share under (25). Under (4) twice of it includes the rest.
+    # While the bob settles, its own swing adds to the moment on the block. Its energy never grows, which
+    # bounds this share under (25). Under (4) twice of it includes the rest.
     own, slack = math.hypot(m.y[SWING] - psi, span * (m.y[SWING_RATE] - rate)), q.slack
     q.slack -= (1.0 if q.linear != 0.0 else 2.0) * own * (q.up - 1.0 + abs(q.bias) / span)
     is_held = error <= _CLOSED and attracts and _stays_held(q, m, legs, w, psi, rate, trial)

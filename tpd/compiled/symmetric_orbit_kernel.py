@@ -141,8 +141,10 @@ def _status(q, largest, nearest, grazing):
 
 @compiled
 def _smallest_dent(w, order, h, slows):
-    """Return the smallest |phi'| of a falling block where it is least within the time h, and the sign of phi''
-    at the end. `slows` is that sign at the start."""
+    """Return the smallest |phi'| where a falling block moves slowest within the time h.
+
+    The second result is the sign of phi'' at the end. `slows` is that sign at the start.
+    """
     smallest, t, turns, c = math.inf, 0.0, True, w.series
     for n in range(order):
         c[series.ACCELERATION, n] = (n + 1.0) * c[series.V, n + 1]

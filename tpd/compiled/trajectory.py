@@ -67,7 +67,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
                 if arrived:
                     legs[count - 1].event = STOP
                 for k in range(count):
-                    carry_through_leg(q, r, w, f, legs[k], (FIRST_PIECE, _INPUTS), False, m, k, by[n])
+                    carry_through_leg(q, r, f, legs[k], (FIRST_PIECE, _INPUTS), False, m, k, by[n])
             if ended == NOT_FINITE or not is_finite(y):
                 status = FAILED
             elif ended != ARRIVED:

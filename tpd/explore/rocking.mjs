@@ -2,7 +2,7 @@
 //
 // Symbols are those of the package: nu, mu, lam, zeta, k, f, xi, rho, e, kappa. Time is tau = omega_0 t, and a state is
 // [phi, psi, phi', psi']. The equations are those of tpd/theory/equations.py, the impacts those of
-// tpd/scene/impacts.py, and the contact modes and events those of tpd/compiled/nonlinear_entry.py. The load is minus the
+// tpd/scene/impacts.py, and the contact modes and events those of tpd/compiled/contact.py. The load is minus the
 // base acceleration over g: a positive acceleration tilts the block to positive phi.
 
 const STEPS = 120; // Steps in the shortest of the periods of forcing, bob and block.

@@ -1,7 +1,7 @@
 """Models that compiled code solves.
 
-They are the exact piecewise solution of the linear equations (25), and Taylor series for the nonlinear
-equations (4). Both models keep the sign functions and smooth nothing.
+Taylor series follow the linear equations (25) and the nonlinear equations (4) from event to event. Both
+models keep the sign functions and smooth nothing.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from tpd.theory.equations import Terms
 
 
 class Piecewise(AbstractCompiled):
-    """Exact solution of the linear equations (25): closed-form arcs that are joined at events.
+    """Exact solution of the linear equations (25): arcs that are joined at events.
 
-    The model has no smoothing and no time-step error. On an arc the block rotates with either sign of the
+    The model has no smoothing, and no errors apart from those of rounding. Taylor series give the arcs, whose
+    closed form is `tpd.theory.arc`. On an arc the block rotates with either sign of the
     tilt and of its rate, sticks away from the base, or rests on the base. If an impact is slower than
     `rest_rate` and the block can remain at rest after it, the model sets the block to rest. This ends a
     rattling motion, and the error is of the order of `rest_rate` squared.
@@ -61,16 +62,13 @@ class Nonlinear(AbstractCompiled):
     on block and bob along its own direction, which is that of the bob's angle (see `tpd.scene.impacts`). With
     Housner's e the impact conserves the angular momentum of block and bob about the new corner.
 
-    The model computes values only: derivatives, multipliers and the Lyapunov exponent are NaN. A motion that
-    repeats has the status rocking or sticking, because it was reached from a start and therefore attracts. A
-    motion that does not repeat has the status not_settled.
-
     Attributes:
         rtol: relative tolerance of a step.
         max_periods: largest number of forcing periods to follow.
         max_events: largest number of events in one forcing period.
         tolerance: repetition error below which a motion is settled.
         rest_rate: rate (phi' in units of nu) below which an impact can end in rest.
+        lyapunov_periods: forcing periods in which the Lyapunov exponent is measured.
 
     Example:
         >>> import tpd

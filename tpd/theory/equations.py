@@ -57,7 +57,7 @@ class Linear(eqx.Module):
     f: Number
     """Amplitude of the base acceleration over gravity."""
     bias: Number
-    """Factor of psi' in the moment on a block at rest, see `tpd.compiled.contact_kernel.moment`."""
+    """Factor of psi' in the moment on a block at rest, see `tpd.theory.holding_moment`."""
 
     def __init__(self, p: Parameters) -> None:
         rho, c = p.inertia_ratio, p.hinge
@@ -73,7 +73,7 @@ class Linear(eqx.Module):
         self.weight = (1.0 + p.mu) * p.nu
         self.friction = p.k
         self.f = p.f
-        # This moment is needed where the block is at rest, see `tpd.compiled.contact_kernel.moment`.
+        # This moment is needed where the block is at rest, see `tpd.theory.holding_moment`.
         self.bias = p.mu * c * (p.lam - p.kappa)
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
