@@ -17,7 +17,7 @@ import pytest
 
 import tpd
 from tests.reference import EventDriven
-from tpd.answers.critical_scale import _run, _scanned
+from tpd.answers.critical_scale import _scanned, follow_motion
 from tpd.compiled.rows import ground_row_of
 from tpd.scene import impacts
 
@@ -53,7 +53,7 @@ def test_the_first_critical_scale_agrees_with_two_independent_codes(kappa, known
     p = tpd.Parameters(
         nu=0.25, mu=0.05, lam=0.3, zeta=0.1, k=0.0, f=0.25, xi=5.0 * len(pieces), rho=1.0, e=0.9, kappa=kappa
     )
-    run = partial(_run, tpd.Piecewise(), pieces, 20.0)
+    run = partial(follow_motion, tpd.Piecewise(), pieces, 20.0)
     tongues = _scanned(run, ground_row_of(p), np.array([1.5, 8.0]), 0.02)[1]
     assert tongues[0, 0] == pytest.approx(known, rel=1e-6)
 

@@ -13,7 +13,7 @@ import pytest
 import tpd
 from tests.reference import NAMES, EventDriven, differences
 from tests.truth import GRAVITY, load
-from tpd.answers.critical_scale import _run, _scanned
+from tpd.answers.critical_scale import _scanned, follow_motion
 from tpd.answers.run_table import follow_scaled
 from tpd.answers.transient import _follow
 from tpd.compiled.rows import ground_row_of
@@ -140,7 +140,7 @@ def test_boundaries_of_the_one_sine_spectrum_agree_with_fifty_digits(row):
     p = tpd.Parameters(
         nu=0.25, mu=0.0, lam=1.0, zeta=0.3, k=0.0, f=0.25, xi=xi, rho=1.0, e=row["restitution"]
     )
-    run = partial(_run, tpd.Piecewise(), pieces, 20.0)
+    run = partial(follow_motion, tpd.Piecewise(), pieces, 20.0)
     tongues = _scanned(run, ground_row_of(p), np.array([0.9, 20.0]), 0.005)[1]
     borders = tongues[np.isfinite(tongues)]
     # Between those of the table are a few narrow ones.

@@ -11,10 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import sympy as sp
+from tpd.compiled.contact_kernel import moment as moment_of
 
 from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
-from tpd.compiled.contact_kernel import moment as moment_of
 from tpd.scene import impacts
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 

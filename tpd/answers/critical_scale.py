@@ -156,7 +156,7 @@ def critical_scale(
     ends = jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in (0.5 * lifts / p.f, top)])
 
     def scanned(x: Any, c: Any, late: Any, ends: Any) -> tuple[np.ndarray, ...]:
-        run = partial(_run, model, np.asarray(c), float(late))
+        run = partial(follow_motion, model, np.asarray(c), float(late))
         return _scanned(run, np.asarray(x), np.asarray(ends), scan)
 
     # The scan is a callback without derivatives. `_with_slope` adds them.
@@ -187,7 +187,7 @@ def _with_slope(model: Any, p: Parameters, pieces: Any, late: Any, first: Any) -
     return refused(first + correction, is_regular)
 
 
-def _run(model: Any, c: np.ndarray, late: float, rows: np.ndarray) -> Runs:
+def follow_motion(model: Any, c: np.ndarray, late: float, rows: np.ndarray) -> Runs:
     """Simulate runs under the motion with the pieces `c`."""
     # The exact solution has the accuracy of rounding.
     rtol = model.rtol if isinstance(model, Nonlinear) else simulate.EXACT

@@ -213,8 +213,3 @@ RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", _run_trial)
 """Compiled code of runs, of the linear equations (25) and of the nonlinear equations (4)."""
 ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
 """Compiled code of the symmetric orbits."""
-
-
-def load_compiled() -> None:
-    """Load the compiled code of runs. Compile the code first if this machine has not stored it yet."""
-    RUNS.is_direct()

@@ -245,22 +245,18 @@ def _height(q, tilt):
 
 
 @compiled
-def _energy(q, y):
-    """Return the energy of block and bob, with that of `_height`. Without a forcing it never grows."""
-    rate, swing, lever, bob = y[TILT_RATE], y[SWING_RATE], q.kappa, 0.5 * y[SWING] * y[SWING]
-    if q.linear == 0.0:
-        relative, bob = y[TILT] - y[SWING], 1.0 - math.cos(y[SWING])
-        lever = math.copysign(q.nu, y[TILT]) * math.sin(relative) + q.kappa * math.cos(relative)
-    bob = q.mu * q.lam * (bob + 0.5 * q.m22 * swing * swing)
-    return _height(q, abs(y[TILT])) + bob + rate * (0.5 * q.m11 * rate - q.pull * lever * swing)
-
-
-@compiled
 def _stays_below(q, y, tilt):
     """Whether the energy of a free motion is too small for the tilt |phi|, at most that of the unstable
     equilibrium, and for all larger ones."""
-    unstable = q.weight / q.up if q.linear != 0.0 else math.atan2(q.weight, q.up)
-    return _energy(q, y) < _height(q, min(tilt, unstable)) and abs(y[TILT]) < unstable
+    rate, swing, lever, bob = y[TILT_RATE], y[SWING_RATE], q.kappa, 0.5 * y[SWING] * y[SWING]
+    unstable = q.weight / q.up
+    if q.linear == 0.0:
+        relative, bob, unstable = y[TILT] - y[SWING], 1.0 - math.cos(y[SWING]), math.atan2(q.weight, q.up)
+        lever = math.copysign(q.nu, y[TILT]) * math.sin(relative) + q.kappa * math.cos(relative)
+    # Without a forcing the energy of block and bob never grows.
+    bob = q.mu * q.lam * (bob + 0.5 * q.m22 * swing * swing)
+    energy = _height(q, abs(y[TILT])) + bob + rate * (0.5 * q.m11 * rate - q.pull * lever * swing)
+    return energy < _height(q, min(tilt, unstable)) and abs(y[TILT]) < unstable
 
 
 @compiled
