@@ -123,9 +123,9 @@ def interpret() -> None:
     np.empty, np.zeros = records(np.empty), records(np.zeros)
     custom_call.view = view
     numba.cfunc = lambda *_, **__: lambda function: SimpleNamespace(address=0)  # type: ignore[assignment]
-    from tpd.compiled import linear_entry, nonlinear_entry, orbit_entry
+    from tpd.compiled import orbit_entry, run_entry
 
-    for entry in (linear_entry, nonlinear_entry, orbit_entry):
+    for entry in (run_entry, orbit_entry):
 
         def run(first: int, last: int, *buffers: np.ndarray, entry: Any = entry) -> None:
             entry._run([*buffers, *[np.empty(0)] * (8 - len(buffers))], first, last)

@@ -354,7 +354,7 @@ def first_trials(drawn: list[Place]) -> list[dict[str, Any]]:
     The package is imported here. Each trial has a process of its own.
     """
     import_module("tests.conftest")
-    for entry in ("linear", "nonlinear", "orbit"):
+    for entry in ("run", "orbit"):
         import_module(f"tpd.compiled.{entry}_entry")
     functions = [f for f in gc.get_objects() if type(f) is FunctionType and "tpd" in f.__code__.co_filename]
 

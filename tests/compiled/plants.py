@@ -5,6 +5,7 @@ import numpy as np
 
 from tests.reference import NAMES
 from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, plant
+from tpd.compiled.series import SLACK
 from tpd.scene import parameters
 
 
@@ -27,10 +28,11 @@ def _numbers(x):
     return np.column_stack([values[name] for name in parameters.NAMES])
 
 
-def plants_of(x):
-    """The plants of rows of parameters."""
+def plants_of(x, linear=True):
+    """The plants of rows of parameters, for the equations (25) or (4)."""
     plants = np.zeros(len(x), PLANT)
     _put(_numbers(np.asarray(x, dtype=float)), plants)
+    plants["linear"], plants["slack"] = linear, SLACK * (plants["k"] + plants["weight"])
     return plants
 
 

@@ -11,7 +11,7 @@ import pytest
 import tpd
 from tests.reference import box, parameters
 from tpd import Piecewise, steady_state
-from tpd.compiled.calling import LINEAR
+from tpd.compiled.calling import RUNS
 
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
 SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
@@ -41,7 +41,7 @@ def test_the_host_computes_if_the_custom_call_is_unavailable(monkeypatch):
         return *jax.jit(jax.vmap(one))(x, y), *jax.value_and_grad(tilt)(0.9)
 
     direct = answers()
-    monkeypatch.setattr(LINEAR, "is_direct", lambda: False)
+    monkeypatch.setattr(RUNS, "is_direct", lambda: False)
     try:
         for ours, theirs in zip(answers(), direct, strict=True):
             np.testing.assert_array_equal(ours, theirs)
@@ -50,10 +50,10 @@ def test_the_host_computes_if_the_custom_call_is_unavailable(monkeypatch):
 
 
 def test_a_custom_call_with_a_wrong_result_gives_a_warning(monkeypatch):
-    compiled = LINEAR
+    compiled = RUNS
     monkeypatch.setattr(compiled, "_is_direct", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
-    with pytest.warns(UserWarning, match="of the linear model directly .its answer to a trial is wrong"):
+    with pytest.warns(UserWarning, match="of runs directly .its answer to a trial is wrong"):
         assert not compiled.is_direct()
 
 

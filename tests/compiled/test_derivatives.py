@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd.compiled.derivatives import joined, once, refused, refused_in, with_slopes
+from tpd.compiled.derivatives import joined, once, refused, with_slopes
 
 X = jnp.array([2.0, 3.0])
 USABLE = jnp.array([True, False])
@@ -31,9 +31,6 @@ def test_a_rejected_derivative_is_nan_and_changes_neither_values_nor_other_deriv
     np.testing.assert_array_equal(slopes[0], [4.0, 0.0])
     assert np.isnan(slopes[1, 1])
     np.testing.assert_array_equal(derivative(stated)(X), [5.0, np.nan])
-    whole = derivative(lambda x: refused_in({"a": x[0], "b": x[1:]}, jnp.ones(3)))(X)
-    assert whole.shape == (3, 2)
-    assert np.all(np.isnan(whole))
 
 
 def test_a_motionless_row_does_not_affect_other_rows():

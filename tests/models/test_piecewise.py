@@ -166,18 +166,10 @@ def test_the_resonant_swing_above_a_resting_block_is_set_by_damping():
         assert light.status == "rest"
         assert light.swing == pytest.approx(f / (2.0 * zeta), rel=1e-9)
         assert light.slopes[1, ZETA] == pytest.approx(-f / (2.0 * zeta**2), rel=1e-6)
-    for zeta in (1e-2, 1e-8):
+    for zeta in (1e-2, 1e-8, 0.0):
         heavy = exact((nu, 0.1, lam, zeta, 0.05, f, xi))
         assert heavy.status in ("overturned", "event_bound")
         assert np.all(np.isnan(heavy.slopes))
-
-
-def test_undamped_resonance_has_the_status_failed():
-    # 1 - lam rho xi^2 is zero.
-    answer = exact((0.5, 0.1, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0))
-    assert answer.status == "failed"
-    assert np.isnan(answer.amplitude)
-    assert np.all(np.isnan(answer.slopes))
 
 
 def test_too_long_a_period_has_the_status_event_bound():
@@ -215,12 +207,12 @@ def test_the_size_of_the_block_does_not_change_dimensionless_results(height, den
 @pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
 def test_a_nonlinear_steady_state_equals_an_independent_integration(x):
     ours, loop = steady_state(parameters(x), model=Nonlinear()), EventDriven(x, nonlinear=True)
-    assert math.isnan(ours.multiplier)
-    assert math.isnan(ours.lyapunov)
     times = np.linspace(0.0, 40.0 * loop.period_of_excitation, 41)
     if status_name(ours.status) == "overturned":
         assert len(loop.run(REST, times)) < len(times)
+        assert math.isnan(ours.multiplier)
         return
+    assert 0.0 <= ours.multiplier < 1.0
     sizes, end = loop.period(ours.state, int(ours.periods))
     np.testing.assert_allclose([ours.amplitude, ours.swing], sizes, rtol=2e-6, atol=2e-8 * x[0])
     # Capture at rest neglects a motion whose size is the square of the capture speed.
@@ -285,16 +277,17 @@ def test_a_tilted_block_that_friction_holds_has_the_status_held():
     assert found.amplitude == pytest.approx(LEANING[1][0], rel=1e-12)
 
 
-def test_nonlinear_values_are_equal_under_jit_and_derivatives_are_nan():
-    x = WITH[0].x
+def test_nonlinear_values_and_derivatives_are_equal_under_jit():
+    x = WITH[3].x
 
     def amplitude(nu):
         return steady_state(parameters((nu, *x[1:])), model=Nonlinear()).amplitude
 
     known = steady_state(parameters(x), model=Nonlinear()).amplitude
     assert jax.jit(amplitude)(x[0]) == jax.vmap(amplitude)(np.array([x[0]]))[0] == known
-    assert math.isnan(jax.grad(amplitude)(x[0]))
-    assert math.isnan(jax.jit(jax.grad(amplitude))(x[0]))
+    slope = jax.grad(amplitude)(x[0])
+    assert slope == jax.jit(jax.grad(amplitude))(x[0])
+    assert slope == pytest.approx(exact(x).slopes[0, 0], rel=0.1)
 
 
 @pytest.mark.parametrize("count", [0, 40])
@@ -306,8 +299,6 @@ def test_nonlinear_states_over_time_equal_an_independent_integration(count):
     loop = EventDriven(STICKING, nonlinear=True)
     known = loop.run(y0, times, quiet=1e-7)
     np.testing.assert_allclose(ours.ys, known, rtol=0, atol=1e-7)
-    slope = jax.jacfwd(lambda y: simulate(p, y, times, model=Nonlinear()).ys)(y0)
-    assert np.all(np.isnan(slope))
 
 
 def test_a_trajectory_is_nan_after_overturning():

@@ -445,8 +445,11 @@ def positive_until(w, row, sign, order, floor, h):
     # The sum of the negative terms is too small for a zero. This is the usual case.
     if lowest > 10.0 * _TINY * size:
         return h, False
-    # If the signal starts at zero except for rounding, its sign is that of the next order.
+    # If the signal starts at zero except for rounding, its sign is that of the next order. A state has no
+    # rounding error: after an event it is zero.
     first, power = _NONE, 1.0
+    if row <= R and c[row, VALUE] != 0.0:
+        size = 0.0
     while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
         first, power = first + 1, power * h
     if not sign * c[row, first] > 0.0:
