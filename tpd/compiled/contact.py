@@ -107,7 +107,7 @@ def land(q, y, capture, eta, mode):
     decide(q, y, 0.0, 0.0, eta, mode)
     can_rest = mode.kind == REST
     block, bob = impact(q, False, side, y[SWING])
-    rests = can_rest and abs((1.0 + block) * before) <= capture
+    rests = can_rest and abs(before) <= capture
     if rests:
         block, bob = impact(q, True, side, y[SWING])
     y[TILT_RATE], y[SWING_RATE] = 0.0 if rests else (1.0 + block) * before, y[SWING_RATE] + bob * before

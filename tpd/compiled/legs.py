@@ -93,7 +93,6 @@ def _plant_along(x, j, linear, row, q):
     for i in range(WIDTH):
         row[i] = complex(x[i], STEP if i == j else 0.0)
     coefficients(row, complex(linear, 0.0), q)
-    q.slack = series.SLACK * (q.k + q.weight)
 
 
 @compiled
