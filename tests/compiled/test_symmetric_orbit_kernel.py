@@ -85,7 +85,7 @@ def test_the_swing_of_a_fast_bob_is_its_largest_angle():
 
 def test_an_orbit_with_too_many_peaks_is_marked_as_overflow():
     without = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
-    o = solve([without, (*without[:2], 3e-9, *without[3:])])
+    o = solve([without, (*without[:2], 3e-11, *without[3:])])
     assert o.exists[:, 0].tolist() == [True, False]
     assert o.overflow.tolist() == [False, True]
 
