@@ -5,7 +5,6 @@ import numpy as np
 
 from tests.reference import NAMES
 from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, plant
-from tpd.compiled.series import SLACK
 from tpd.scene import parameters
 
 
@@ -32,7 +31,7 @@ def plants_of(x, linear=True):
     """The plants of rows of parameters, for the equations (25) or (4)."""
     plants = np.zeros(len(x), PLANT)
     _put(_numbers(np.asarray(x, dtype=float)), plants)
-    plants["linear"], plants["slack"] = linear, SLACK * (plants["k"] + plants["weight"])
+    plants["linear"], plants["slack"] = linear, 4e-15 * (plants["k"] + plants["weight"])
     return plants
 
 

@@ -148,8 +148,8 @@ def test_no_root_is_missed():
 )
 def test_a_signal_that_begins_at_zero_has_the_sign_of_its_first_values(coefficients, until, found):
     works = np.zeros(1, WORK)
-    works["series"][0, V, : len(coefficients)] = coefficients
-    assert positive_until(works, V, 1.0, 6, 0.0, 1.0) == (pytest.approx(until, abs=1e-12), found)
+    works["series"][0, UP, : len(coefficients)], works["tiny"] = coefficients, 1e-15
+    assert positive_until(works, UP, 1.0, 6, 0.0, 1.0) == (pytest.approx(until, abs=1e-12), found)
 
 
 @both_equations

@@ -55,7 +55,7 @@ ARRIVED, BEYOND, EXHAUSTED, NOT_FINITE = range(4)
 """Outcomes of a part of a run: it arrived at its end; the tilt is beyond return; the bound on events was
 reached; or the series is not finite."""
 MAX_STEPS = 20_000
-"""Bound on the number of series for one piece of the forcing."""
+"""Bound on the number of series from one event to the next."""
 _LOWEST = np.int64(4)
 """Order of the series of a leg of zero length."""
 _UNDECIDED = 64
@@ -148,8 +148,9 @@ def advance(q, f, m, legs, w, i, s, end):
     # Strides record no legs.
     strides = q.linear != 0.0 and len(legs) == 0 and f.rate == 0.0 and (f.harmonic or s == 0.0)
     # The hops of a rattle get shorter one after the other, and so do the series that follow them.
-    pace, passed = math.inf, s
-    for _ in range(MAX_STEPS):
+    pace, passed, steps = math.inf, s, 0
+    while steps < MAX_STEPS:
+        steps += 1
         if strides and pace > w.stride:
             s = follow_strides(q, f, m, w, i, s, end, limit)
             strides = f.harmonic and w.stride > 0.0
@@ -195,6 +196,7 @@ def advance(q, f, m, legs, w, i, s, end):
         if event == CONTINUES:
             pace *= 8.0
         else:
+            steps = 0
             pace, passed, m.events = max(2.0 * (s - passed), 1e-8 * w.period), s, m.events - 1
             # Set the variable that vanishes at the event to exactly zero.
             y[TILT] = 0.0 if event == LANDING else y[TILT]

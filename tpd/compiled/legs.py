@@ -52,6 +52,8 @@ _FORCING, _KIND, _SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 the tilt), and the number of columns."""
 _WHEN, _RATE = 0, 1
 """Columns of the table of impacts: time, and rate after the impact."""
+_NEGLIGIBLE, _MOST = 1e-15, 24
+"""Share of a derivative that its series may omit, and the largest order of such a series."""
 _ROUNDING = 1e-12
 """Relative amount by which a requested time may exceed the end of the motion because of rounding."""
 END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
@@ -76,7 +78,7 @@ READER = np.dtype(
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
 other directions, from a `row` of parameters; a complex `series`; the derivatives `dy` of the state and
 `shift` of the local time, in all directions and in that of the start time; `inverse`, which is not used
-because these series have the order of their leg; and a workspace (`work`) for real series."""
+because these series have a given order; and a workspace (`work`) for real series."""
 
 
 @part
@@ -91,7 +93,6 @@ def _plant_along(x, j, linear, row, q):
     for i in range(WIDTH):
         row[i] = complex(x[i], STEP if i == j else 0.0)
     coefficients(row, complex(linear, 0.0), q)
-    q.slack = series.SLACK * (q.k + q.weight)
 
 
 @compiled
@@ -121,13 +122,32 @@ def _signal(event):
 
 
 @compiled
-def _store_angles(r, f, m, leg, n, j, before, by):
+def _order_of(q, leg):
+    """Return the order of the series that carry derivatives through a leg.
+
+    The series of a small motion has few orders, which may be too few for its derivatives.
+    """
+    by = 1.0 / abs(q.m11 * q.m22 - q.m12 * q.m21).real
+    stiffness = by * max(abs(q.m22 * q.up) + abs(q.m12), abs(q.m21 * q.up) + abs(q.m11))
+    damping = by * max(abs(q.m22 * q.c1) + abs(q.m12 * q.c2), abs(q.m21 * q.c1) + abs(q.m11 * q.c2))
+    # Each order of a motion is at most this number over n times the last one.
+    x = leg.duration * (np.sqrt(max(stiffness, q.xi.real**2)) + 2.0 * damping)
+    n, term = leg.order, 1.0
+    for k in range(1, leg.order + 1):
+        term *= x / k
+    while term > _NEGLIGIBLE and n < _MOST:
+        n += 1
+        term *= x / n
+    return n
+
+
+@compiled
+def _store_angles(r, f, m, leg, order, n, j, before, by):
     """Write the derivatives of the angles that are largest in leg n, and of their times, in direction j.
 
     The series of the reader is that of the leg, and its derivatives are those at the end of the leg. `before`
     is the derivative of the local time at the start.
     """
-    order = leg.order
     for k in range(6):
         if m.peak_legs[k] != n:
             continue
@@ -153,9 +173,8 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
     If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
     are those from the first to before the last of `directions`.
     """
-    c, event, order, t = r.series, leg.event, leg.order, leg.duration
-    # Complex series have the order of the leg, so that no terms are compared with allowed errors.
-    first, last = directions
+    c, event, t, (first, last) = r.series, leg.event, leg.duration, directions
+    order = _order_of(r.plants[STATE], leg)
     for j in range(first, last):
         q, before, y = _plant(r, j), r.shift[j], leg.y
         # A block on its base, or held at a tilt, forgets how it came there.
@@ -185,7 +204,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         r.dy[SWING_RATE, j] = rate.imag / STEP + swing_pull.real * delay
         r.shift[j] = before + delay
         if angles:
-            _store_angles(r, f, m, leg, n, j, before, by)
+            _store_angles(r, f, m, leg, order, n, j, before, by)
         if event == TURN:
             r.dy[TILT_RATE, j] = 0.0
         elif event == LANDING:
@@ -205,8 +224,8 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
     See `carry_through_leg`. A change of the state is a motion without forcing, weight and friction, so that
     real numbers are enough.
     """
-    (first, last), order, t, event, w = directions, leg.order, leg.duration, leg.event, r.work
-    y = w.trial.y
+    (first, last), t, event, w = directions, leg.duration, leg.event, r.work
+    order, y = _order_of(q, leg), w.trial.y
     series.load_state(leg.y, w)
     e = load_at(q, harmonic(), leg.piece, leg.start)
     series.terms(q, leg, e, math.inf, order, w)
@@ -287,27 +306,26 @@ def _uplift_leg(legs, count):
 
 @compiled
 def _nearest_leg(q, f, legs, count):
-    """Return the index of the leg of the last arc that starts nearest to the unstable equilibrium, or -1.
+    """Return the index of the leg of the free motion that starts nearest to the unstable equilibrium, or -1.
 
-    The last arc is the motion of a slipping block after the last event, without a forcing.
+    On the border between overturning and falling back a motion stays there for a long time.
     """
     nearest, best = -1, math.inf
     for n in range(count - 1, -1, -1):
         leg = legs[n]
-        if leg.kind != SLIP or leg.piece < f.pieces:
+        if leg.piece < f.pieces:
             break
         tilt, y = unstable_tilt(q, leg.tilt, leg.direction), leg.y
         distance = abs(y[TILT] - tilt) + abs(y[SWING]) + abs(y[TILT_RATE]) + abs(y[SWING_RATE])
-        if distance < best:
+        if leg.kind == SLIP and distance < best:
             nearest, best = n, distance
-        if n > 0 and legs[n - 1].event != CONTINUES and legs[n - 1].event != END:
-            break
     return nearest
 
 
 @compiled
 def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
-    """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last arc.
+    """Compute the derivatives of a motion from its legs, and return its growing coordinate, see
+    `growing_coordinate`.
 
     `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
     have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
@@ -332,7 +350,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
         for j in range(first, inputs if n == uplift_leg else first):
             by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
         for j in range(first, inputs if n == nearest else first):
-            # The last arc decides whether the block overturns or falls back.
+            # This leg decides whether the block overturns or falls back.
             coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
             by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
         carry_through_leg(q, r, f, leg, directions, True, m, n, by)

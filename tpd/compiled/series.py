@@ -43,9 +43,9 @@ WORK = np.dtype(
         ("series", np.float64, (ROWS, ORDERS)),
         ("inverse", np.float64, (3,)),
         ("order", np.int64),
-        *((name, np.float64) for name in ("rtol", "capture", "rate", "swing", "period")),
+        *((name, np.float64) for name in ("rtol", "tiny", "capture", "rate", "swing", "period")),
         ("relative", np.bool_),
-        ("strides", _STRIDE, (2,)),
+        ("of_strides", _STRIDE, (2,)),
         ("stride", np.float64),
         *((name, np.float64, (8,)) for name in ("z", "now")),
         ("trial", MOTION),
@@ -54,24 +54,24 @@ WORK = np.dtype(
 )
 """Workspace and options of a run: the coefficients of the `series`; the `inverse` of the allowed errors of
 both rates and of the moment on a held block; the largest `order`; the relative tolerance `rtol` of a step;
-`capture`, the largest speed |phi'| of an impact that may end in rest; the usual rates of block and bob
-(`rate`, `swing`); `period`, the time scale for rounding errors of times; and whether the largest |psi - phi|
-is computed (`relative`).
+the share of its size at which a signal counts as zero (`tiny`); the largest speed |phi'| of an impact that
+may end in rest (`capture`); the usual rates of block and bob (`rate`, `swing`); `period`, the time scale for
+rounding errors of times; and whether the largest |psi - phi| is computed (`relative`).
 
-For `tpd.compiled.strides`: the `strides` of the slipping and of the held block (the map of a stride, the
-bounds of second derivatives, and whether both are known); the length of a `stride`; the state `z` with the
-forcing at its start; the state with the bounds at its end (`now`); and another motion (`trial`)."""
+For `tpd.compiled.strides`: the strides of the slipping and of the held block (`of_strides`: the map of a
+stride, the bounds of second derivatives, and whether both are known); the length of a `stride`; the state `z`
+with the forcing at its start; the state with the bounds at its end (`now`); and another motion (`trial`)."""
 _NONE = np.int64(0)
 """Zero, as a NumPy scalar."""
 _HALVED = 60
 """Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
-_PROVED, _TINY = 60, 1e-15
-"""Number of steps of a proof, and the share of its size at which a signal counts as zero."""
-SLACK = 100.0 * _TINY
-"""Relative excess over the holding moment at which a held block is released.
+_PROVED, _TINY = 60, (1e-15, 1e-16)
+"""Number of steps of a proof, and the share of its size at which a signal counts as zero, under (4) and under
+(25)."""
+_SLACK = 40.0
+"""Relative excess over the holding moment at which a held block is released, in units of this share.
 
-It is larger than the share at which a signal counts as zero. Otherwise an excitation that just balances the
-weight would release the block again and again.
+Otherwise an excitation that just balances the weight would release the block again and again.
 """
 _OVER = 1.0 / np.arange(1.0, ORDERS + 2.0)
 """1/(n + 1) for n = 0, 1, 2, ..."""
@@ -81,14 +81,15 @@ _OVER = 1.0 / np.arange(1.0, ORDERS + 2.0)
 def prepare(x, s, q, w):
     """Prepare plant and workspace for the parameters `x` and the settings `s`."""
     coefficients(x, s.linear, q)
-    q.slack = SLACK * (q.k + q.weight)
-    w.capture, w.strides[0].ready, w.strides[1].ready = s.rest_rate * q.nu, 0, 0
+    w.capture, w.of_strides[0].ready, w.of_strides[1].ready = s.rest_rate * q.nu, 0, 0
     set_accuracy(q, s.rtol, w)
+    q.slack = _SLACK * w.tiny * (q.k + q.weight)
 
 
 @compiled
 def set_accuracy(q, rtol, w):
     """Set the relative tolerance of a step, and the largest order of a series."""
+    w.tiny = _TINY[1] if q.linear != 0.0 else _TINY[0]
     w.rtol, w.inverse[_OF_HELD] = rtol, 1.0 / (rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
     # few more for the work of a step apart from its series. A held block needs two more columns.
@@ -410,7 +411,7 @@ def first_zero(w, row, sign, order, first, t, h):
             value = value * t + sign * c[row, n]
         if done == 0:
             # At a former root the value is zero except for rounding.
-            value, tiny = max(value, 0.0), _TINY * abs(value)
+            value, tiny = max(value, 0.0), w.tiny * abs(value)
         elif value <= tiny:
             return t, True
         root = math.sqrt(slope * slope + 2.0 * bend * value)
@@ -443,11 +444,14 @@ def positive_until(w, row, sign, order, floor, h):
         lowest += (min(sign * c[row, n], 0.0) if n > 0 else sign * c[row, n]) * power
         power *= h
     # The sum of the negative terms is too small for a zero. This is the usual case.
-    if lowest > 10.0 * _TINY * size:
+    if lowest > 10.0 * w.tiny * size:
         return h, False
-    # If the signal starts at zero except for rounding, its sign is that of the next order.
+    # If the signal starts at zero except for rounding, its sign is that of the next order. A state has no
+    # rounding error: after an event it is zero.
     first, power = _NONE, 1.0
-    while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
+    if row <= R and c[row, VALUE] != 0.0:
+        size = 0.0
+    while first < 3 and abs(c[row, first]) * power <= 10.0 * w.tiny * size:
         first, power = first + 1, power * h
     if not sign * c[row, first] > 0.0:
         return 0.0, True

@@ -63,7 +63,7 @@ def _prepare(q, m, f, w, stride):
     stride.ready = _READY
     if not converges:
         # The series alone follow such a motion.
-        w.stride, w.strides[0].ready, w.strides[1].ready = 0.0, _USELESS, _USELESS
+        w.stride, w.of_strides[0].ready, w.of_strides[1].ready = 0.0, _USELESS, _USELESS
 
 
 @compiled
@@ -92,7 +92,7 @@ def follow_strides(q, f, m, w, i, s, end, limit):
     The tilt stays below `limit`.
     """
     y, z, now, slips = m.y, w.z, w.now, m.kind == SLIP
-    stride = w.strides[0 if slips else 1]
+    stride = w.of_strides[0 if slips else 1]
     if stride.ready == _UNKNOWN:
         _prepare(q, m, f, w, stride)
     h = w.stride
