@@ -74,8 +74,7 @@ def test_a_slowly_decaying_motion_is_moved_onto_its_orbit():
 
 
 def hops(x, tilt, quiet):
-    """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu after
-    the impact."""
+    """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
     still = GroundForcing((np.zeros((1, 4)),), 4.0 * np.pi)
     start = np.array([tilt, 0.0, 0.0, 0.0])
     run = follow(Terms.linear, row_of(parameters(x)), still, y0=start, rest_rate=quiet)
@@ -97,7 +96,7 @@ def test_the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed()
     # Without friction every hop lands as fast as it began: speeds fall by e.
     fastest = np.sqrt(2.0 * nu * tilt - tilt**2)
     for quiet in (1e-2, 1e-4, 1e-6, 2e-7):
-        expected = np.ceil(np.log(quiet * nu / fastest) / np.log(e))
+        expected = 1 + np.ceil(np.log(quiet * nu / fastest) / np.log(e))
         assert hops((nu, 0.0, 0.4, 0.2, 0.0, 0.0, 1.0, e), tilt, quiet) == expected
 
 
@@ -119,7 +118,7 @@ def test_the_error_of_capture_is_below_the_square_of_its_speed():
     assert np.all(apart < speeds**2)
     # Here even its third power: the bob follows the rod, which is back where it was after every hop.
     assert np.all(apart < 50.0 * speeds**3)
-    few = [1, 5, 11]
+    few = [0, 9, 17]
     assert np.polyfit(np.log(speeds[few]), np.log(apart[few]), 1)[0] == pytest.approx(3.0, abs=0.2)
     # A threshold near rounding is met, or the bound on the steps ends the motion.
     y, exhausted = after(x, y0, span, np.array(1e-11))
