@@ -105,7 +105,7 @@ GUARDS = (
     Guard("onset of sticking", "statuses: sticking if the block was held",
           _SETTLED, never("sticking"), _ends("periods2-sticking-3")),
     Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
-          "compiled/contact_kernel:handle_event", nothing_true("capture"),
+          "compiled/contact:land", nothing_true("capture"),
           _tests("compiled/settle", "the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed",
                    "the_error_of_capture_is_below_the_square_of_its_speed")),
     Guard("period three and chaos", "steady_state: aperiodic if neighbouring motions separate",

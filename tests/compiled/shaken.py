@@ -34,11 +34,11 @@ def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarra
     return rows, [np.asarray(case.motion.pieces(), dtype=float) for case in cases], rates
 
 
-def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Run:
+def motions(cases: list[Case], free: float = 5.0, terms: tpd.Terms = tpd.Terms.linear, **options: Any) -> Run:
     """All the motions, followed freely for `free` seconds after their ends; times in s."""
     rows, pieces, rates = operands(cases)
     forcing = GroundForcing(pieces, free * rates, np.arange(len(cases)))
-    found = follow(tpd.Terms.linear, rows, forcing, **options)
+    found = follow(terms, rows, forcing, **options)
     return found._replace(times=found.times / rates[:, None], uplift_time=found.uplift_time / rates)
 
 

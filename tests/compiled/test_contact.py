@@ -52,11 +52,6 @@ def turn(plants, y, at_once, modes):
     contact.turn(plants[0], y, at_once, 0.0, modes[0])
 
 
-@numba.njit
-def release(side, modes):
-    contact.release(side, modes[0])
-
-
 def motion(*mode):
     """A motion in a mode."""
     modes = np.zeros(1, MOTION)
@@ -107,16 +102,6 @@ def test_a_turning_block_falls_back_or_stays(linear):
         turn(plants_of([(*X[:4], k, *X[5:])], linear), np.array([phi, 0.0, 0.0, 0.0]), at_once, modes)
         assert mode_of(modes)[:2] == (kind, 1.0)
         assert kind != SLIP or modes["direction"][0] == -1.0
-
-
-def test_a_released_block_moves_to_the_side_of_its_release():
-    for mode, side, expected in (
-        ((REST, 0.0, 0.0), -1.0, (SLIP, -1.0, -1.0)),
-        ((STICK, 1.0, 0.0), -1.0, (SLIP, 1.0, -1.0)),
-    ):
-        modes = motion(*mode)
-        release(side, modes)
-        assert mode_of(modes) == expected
 
 
 def test_an_impact_conserves_the_momentum_of_the_bob_and_a_rattle_sums_its_impacts():

@@ -2,12 +2,35 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from tests.compiled.orbit_cases import chosen
+from tests.compiled.plants import entry
 from tests.reference import along, parameters
-from tpd.compiled import orbits
+from tpd.compiled import half_period_kernel, orbits
 from tpd.compiled.columns import E
+from tpd.compiled.plant import STEP
 from tpd.compiled.rows import row_of
+
+PAIRS = [(0.0, 4.0), (0.3, 4.0), (40.0, 5.0), *((2.0, 1.0 + d) for d in (-1e-3, -1e-6, 0.0, 1e-6, 1e-3))]
+
+
+@pytest.mark.parametrize(("p", "q"), PAIRS)
+def test_the_flow_of_a_pair_of_modes_is_an_exponential_at_any_damping(p, q):
+    pair = entry(half_period_kernel.pair)
+    for t in (0.0, 1e-6, 0.03, 1.0, 8.0):
+        expected = expm(np.array([[0.0, 1.0], [-q, -p]]) * t)[0]
+        np.testing.assert_allclose(pair(p, q, t), expected, rtol=1e-11, atol=1e-14)
+
+
+def test_exponential_and_sine_have_complex_step_derivatives():
+    exponential, sincos = entry(half_period_kernel.exponential), entry(half_period_kernel.sincos)
+    for x in (-300.0, -0.3, 0.0, 1e-20, 2.0, 600.0):
+        z = complex(x, 3.0 * STEP)
+        found, expected = np.array([exponential(z), *sincos(z)]), np.array([np.exp(x), np.sin(x), np.cos(x)])
+        np.testing.assert_allclose(found.real, expected, rtol=1e-15)
+        slopes = expected[[0, 2, 1]] * [1.0, 1.0, -1.0]
+        np.testing.assert_allclose(found.imag / (3.0 * STEP), slopes, rtol=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])

@@ -72,8 +72,8 @@ def test_scales_of_the_state_grow_with_the_excitation_frequency(xi, known):
     ],
 )
 def test_the_excitation_grows_linearly_to_its_full_size(monkeypatch, elapsed, since, share, until):
-    monkeypatch.setattr(r, "steady", lambda cubics: r.Forcing(True, 1.0, 0.0, 0, cubics))
-    f, grown = r.excitation_in.py_func(2.5, 3.0, elapsed, since, np.empty((0, 4)))
+    monkeypatch.setattr(r, "harmonic", lambda: r.Forcing(True, 1.0, 0.0, 0, np.empty((0, 4))))
+    f, grown = r.excitation_in.py_func(2.5, 3.0, elapsed, since)
     assert f.share == pytest.approx(share)
     assert grown == pytest.approx(until)
     assert f.share + f.rate * grown == pytest.approx(1.0)

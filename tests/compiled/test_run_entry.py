@@ -117,12 +117,16 @@ def test_a_growing_swing_can_lift_the_block_after_many_periods(terms):
     assert names_of(found.status)[0] == "rest"
     # f / (1 - .9995^2), and 1 + exp(-.01 pi / .5) times as much in between: (4) detunes the bob a little.
     expected = (0.01745, 0.009002) if terms is LINEAR else (0.0178, 0.00909)
-    assert (found.swing[0], found.settled_swing[0]) == pytest.approx(expected, rel=1e-3 if terms is LINEAR else 0.01)
+    assert (found.swing[0], found.settled_swing[0]) == pytest.approx(
+        expected, rel=1e-3 if terms is LINEAR else 0.01
+    )
 
 
 @both_equations
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(("speed", "span", "quiet"), [(3e-3, 0.009, 0.02), (1e-2, 1.0, 1e-6)], ids=["one impact", "rattle"])
+@pytest.mark.parametrize(
+    ("speed", "span", "quiet"), [(3e-3, 0.009, 0.02), (1e-2, 1.0, 1e-6)], ids=["one impact", "rattle"]
+)
 def test_impacts_that_end_in_rest_change_the_swing_rate(side, speed, span, quiet, terms):
     x = [0.3, 0.1, 0.5, 0.1, 0.0, 1e-9, 1.0, 0.6]
     y0 = np.array([side * 1e-12, 0.5, -side * speed, 0.0])

@@ -128,7 +128,8 @@ def test_a_nonlinear_ground_motion_under_jit_equals_the_batch():
 
     batch = follow(tpd.Terms.nonlinear, ground_row_of(p)[None], GroundForcing([pieces], 3.0))
     assert float(tilt(3.0)) == batch.tilt[0] > 0.01
-    assert math.isnan(jax.grad(tilt)(3.0))
+    # The largest tilt occurs during the pulse.
+    assert jax.grad(tilt)(3.0) == 0.0
 
 
 @pytest.mark.parametrize(

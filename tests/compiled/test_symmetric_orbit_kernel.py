@@ -83,11 +83,14 @@ def test_the_swing_of_a_fast_bob_is_its_largest_angle():
         assert bob.max() * (1.0 - 1e-6) <= o.swing[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
 
 
-def test_an_orbit_with_too_many_peaks_is_marked_as_overflow():
+def test_an_orbit_with_too_long_a_path_is_marked_as_overflow():
     without = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
-    o = solve([without, (*without[:2], 3e-11, *without[3:])])
-    assert o.exists[:, 0].tolist() == [True, False]
-    assert o.overflow.tolist() == [False, True]
+    o = solve([(*without[:2], length, *without[3:]) for length in (0.4, 3e-7, 3e-10)])
+    assert o.exists[:, 0].tolist() == [True, True, False]
+    assert o.overflow.tolist() == [False, False, True]
+    times = np.linspace(0.0, np.pi / 1.5, 100_001)
+    ys = simulate(parameters((*without[:2], 3e-7, *without[3:])), o.state[1, 0], times).ys
+    assert o.swing[1, 0] == pytest.approx(np.abs(ys[:, 1]).max(), rel=2e-4)
 
 
 TURNING_BACK = (

@@ -59,7 +59,7 @@ REACHED: dict[str, Callable[[], Any]] = {
     "near_fold": lambda: just_beside(FOLD),
     "grazing": orbits(0.155, 0.4563, 1.0546, 0.3645, 0.02616, TOUCH * (1.0 - 1e-10), 2.632, 0.8115),
     "event_bound": settled(0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0, model=Piecewise(max_events=3)),
-    "failed": settled(0.5, 0.1, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0),
+    "failed": settled(0.5, 0.0, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0),
     "no_orbit": orbits(0.2, 0.1, 0.4, 0.2, 0.03, 0.02, 4.0),
     "stood": shaken(0.9),
     "rocked": shaken(1.3),

@@ -4,18 +4,17 @@ import dataclasses
 import math
 from functools import cache, partial
 from itertools import pairwise
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import sympy as sp
-from tpd.compiled.contact_kernel import moment as moment_of
 
 from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
 from tpd.scene import impacts
+from tpd.theory import holding_moment
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
 NAMES = "nu mu lam rho f xi k c_p kappa tau"
@@ -115,10 +114,9 @@ def test_the_moment_on_a_resting_block_satisfies_the_first_equation(s):
     swing = sp.solve(bob, A[1])[0]
     moment = -(block - parametric(s) - s * (1 + MU) * NU).subs(A[1], swing)
     moment = sp.lambdify((*Q, V[1], TAU), moment.subs(numbers()), "numpy")
-    rng, linear = np.random.default_rng(6), Linear(P)
-    plant = SimpleNamespace(up=linear.tilt, f=linear.f, bias=linear.bias)
+    rng = np.random.default_rng(6)
     for (phi, psi, dpsi), tau in zip(rng.normal(size=(4, 3)), rng.uniform(0, 9, 4), strict=True):
-        held = moment_of.py_func(plant, phi, psi, dpsi, np.sin(P.xi * tau))
+        held = float(holding_moment(P, np.array([phi, psi, 0.0, dpsi]), tau))
         assert held == pytest.approx(moment(phi, psi, dpsi, tau), rel=1e-12)
 
 

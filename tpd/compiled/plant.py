@@ -34,8 +34,8 @@ Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic moti
 normal number.
 """
 _FIELDS = (
-    "nu mu lam zeta k f xi e kappa rho pull linear quick slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q "
-    "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
+    "nu mu lam zeta k f xi e kappa rho pull linear quick slack up weight bias m11 m12 m21 m22 c1 c2 "
+    "s1 s2 p q a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos"
 )
 """Fields of a plant.
