@@ -56,6 +56,8 @@ ARRIVED, BEYOND, EXHAUSTED, NOT_FINITE = range(4)
 reached; or the series is not finite."""
 MAX_STEPS = 20_000
 """Bound on the number of series from one event to the next."""
+_LONGEST = 5.0
+"""Longest leg with derivatives, in units of the shortest time scale."""
 _LOWEST = np.int64(4)
 """Order of the series of a leg of zero length."""
 _UNDECIDED = 64
@@ -149,6 +151,8 @@ def advance(q, f, m, legs, w, i, s, end):
     strides = q.linear != 0.0 and len(legs) == 0 and f.rate == 0.0 and (f.harmonic or s == 0.0)
     # The hops of a rattle get shorter one after the other, and so do the series that follow them.
     pace, passed, steps = math.inf, s, 0
+    # The series of derivatives need short legs, also where the motion itself has died out.
+    longest = _LONGEST / q.quick if len(legs) > 0 else math.inf
     while steps < MAX_STEPS:
         steps += 1
         if strides and pace > w.stride:
@@ -163,10 +167,10 @@ def advance(q, f, m, legs, w, i, s, end):
             record_leg(m, legs, i, s, 0.0, _LOWEST, END)
             m.n_legs += 1
             return ARRIVED
-        reach = min(remaining, min(pace, 1.5 * w.stride) if strides else pace)
+        reach = min(remaining, min(pace, 1.5 * w.stride if strides else longest))
         order, h = series.expand(q, m, y, load_at(q, f, i, s), reach, w)
         # A step that is too short, or NaN, means that the series does not converge.
-        if not h >= min(remaining, 1e-13 * w.period):
+        if not h >= min(reach, 1e-13 * w.period):
             return NOT_FINITE
         # No step is ever repeated, because the length of a step follows from its series.
         event, h = first_event(q, m, order, h, w)
@@ -194,7 +198,7 @@ def advance(q, f, m, legs, w, i, s, end):
         if arrives:
             return ARRIVED
         if event == CONTINUES:
-            pace *= 8.0
+            pace = max(8.0 * h, 1e-16 * w.period)
         else:
             steps = 0
             pace, passed, m.events = max(2.0 * (s - passed), 1e-8 * w.period), s, m.events - 1

@@ -127,12 +127,8 @@ def _order_of(q, leg):
 
     The series of a small motion has few orders, which may be too few for its derivatives.
     """
-    by = 1.0 / abs(q.m11 * q.m22 - q.m12 * q.m21).real
-    stiffness = by * max(abs(q.m22 * q.up) + abs(q.m12), abs(q.m21 * q.up) + abs(q.m11))
-    damping = by * max(abs(q.m22 * q.c1) + abs(q.m12 * q.c2), abs(q.m21 * q.c1) + abs(q.m11 * q.c2))
-    # Each order of a motion is at most this number over n times the last one.
-    x = leg.duration * (np.sqrt(max(stiffness, q.xi.real**2)) + 2.0 * damping)
-    n, term = leg.order, 1.0
+    # Each order of a motion is at most x/n times the last one.
+    x, n, term = leg.duration * q.quick.real, leg.order, 1.0
     for k in range(1, leg.order + 1):
         term *= x / k
     while term > _NEGLIGIBLE and n < _MOST:

@@ -34,7 +34,7 @@ Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic moti
 normal number.
 """
 _FIELDS = (
-    "nu mu lam zeta k f xi e kappa rho pull linear slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q "
+    "nu mu lam zeta k f xi e kappa rho pull linear quick slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos"
 )
@@ -42,7 +42,8 @@ _FIELDS = (
 
 - `nu` to `kappa`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another
   forcing (`tpd.compiled.forcing.Forcing`).
-- `rho`, `pull`: a parameter, and mu rho lam. `linear`: 1 for the equations (25), 0 for (4).
+- `rho`, `pull`: a parameter, and mu rho lam. `linear`: 1 for the equations (25), 0 for (4). `quick`: the
+  inverse of the shortest time scale.
 - `slack`: a held block is released if the moment on it exceeds the holding moment by more than this.
 - `up`, `weight`, `bias`, `m11` to `c2`: coefficients of the equations, see `tpd.theory.equations.Linear`.
 - `s1`, `s2`, `p`, `q`: the time scales of the slipping block. They and what follows are for symmetric orbits.
@@ -241,6 +242,11 @@ def coefficients(x, linear, q):
     q.up, q.weight, q.bias = 1.0 + kappa * mu, (1.0 + mu) * nu, mu * hinge * (lam - kappa)
     q.m11, q.m12 = 1.0 + mu * rho * (kappa * kappa + nu * nu), -kappa * mu * rho * lam
     q.m21, q.m22, q.c1, q.c2 = -kappa * rho, lam * rho, mu * lam * hinge, hinge
+    # The largest factors of angles and of rates in the accelerations.
+    by = 1.0 / abs(q.m11 * q.m22 - q.m12 * q.m21)
+    of_angles = by * max(abs(q.m22 * q.up) + abs(q.m12), abs(q.m21 * q.up) + abs(q.m11))
+    of_rates = by * max(abs(q.m22 * q.c1) + abs(q.m12 * q.c2), abs(q.m21 * q.c1) + abs(q.m11 * q.c2))
+    q.quick = np.sqrt(max(of_angles, abs(xi * xi))) + 2.0 * of_rates
 
 
 @compiled

@@ -65,10 +65,12 @@ _NONE = np.int64(0)
 """Zero, as a NumPy scalar."""
 _HALVED = 60
 """Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
+_STRETCHES = 64
+"""Bound on the stretches of a step between the turns of an angle."""
 _PROVED, _TINY = 60, (1e-15, 1e-16)
 """Number of steps of a proof, and the share of its size at which a signal counts as zero, under (4) and under
 (25)."""
-_SLACK = 40.0
+_SLACK = 150.0
 """Relative excess over the holding moment at which a held block is released, in units of this share.
 
 Otherwise an excitation that just balances the weight would release the block again and again.
@@ -319,8 +321,10 @@ def expand(q, m, y, e, remaining, w):
     """
     c, inverse, smallest = w.series, w.inverse, math.inf
     load_state(y, w)
-    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
-    inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
+    # The equations (25) are solved to rounding, also for small motions.
+    least = 1e-4 if q.linear != 0.0 else 0.1
+    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
+    inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
     order = terms(q, m, e, remaining, w.order, w)
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
@@ -411,7 +415,7 @@ def first_zero(w, row, sign, order, first, t, h):
             value = value * t + sign * c[row, n]
         if done == 0:
             # At a former root the value is zero except for rounding.
-            value, tiny = max(value, 0.0), w.tiny * abs(value)
+            value, tiny = max(value, 0.0), _TINY[0] * abs(value)
         elif value <= tiny:
             return t, True
         root = math.sqrt(slope * slope + 2.0 * bend * value)
@@ -475,11 +479,13 @@ def largest_turn(w, row, order, h, threshold):
     if bound <= threshold:
         return best, at
     sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, SLOPE])
-    for _ in range(order):
+    # The proof of a stretch without a turn may end early, and then goes on from there.
+    for _ in range(_STRETCHES):
         t, turns = first_zero(w, rate, sign, order, _NONE, t, h)
-        if not turns:
+        if t >= h:
             break
-        value, sign = value_at(w, row, order, t), -sign
+        value = value_at(w, row, order, t) if turns else 0.0
+        sign = -sign if turns else sign
         if abs(value) > abs(best):
             best, at = value, t
     return best, at

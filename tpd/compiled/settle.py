@@ -207,8 +207,8 @@ def settle(x, buffers, s, since, ramp, out):
         elif math.isfinite(rest_swing) or (was_held and q.mu == 0.0):
             # The block is at rest under a massless bob whether or not its swing is known. Under (25) the
             # swing of an undamped bob in resonance grows without limit.
-            lost = q.linear != 0.0 and q.zeta == 0.0 and not math.isfinite(rest_swing)
-            status, peaks[SWING] = (FAILED if lost else AT_REST), peaks[SWING] + 0.0 * rest_swing
+            is_unknown = q.linear != 0.0 and q.zeta == 0.0 and not math.isfinite(rest_swing)
+            status, peaks[SWING] = (FAILED if is_unknown else AT_REST), peaks[SWING] + 0.0 * rest_swing
         elif repeats > 0 and not was_held:
             status = ROCKING
         elif is_steady and tolerance >= CONVERGED and elapsed >= search:

@@ -145,13 +145,15 @@ def _smallest_dent(w, order, h, slows):
 
     The second result is the sign of phi'' at the end. `slows` is that sign at the start.
     """
-    smallest, t, turns, c = math.inf, 0.0, True, w.series
+    smallest, t, c = math.inf, 0.0, w.series
     for n in range(order):
         c[series.ACCELERATION, n] = (n + 1.0) * c[series.V, n + 1]
-    while turns:
+    for _ in range(2 * order):
         # phi' has an extreme value where phi'' vanishes. Where phi'' turns positive, the block moves fastest.
         # Where it turns negative, the block moves slowest and may stop: this is a dent in the rate.
         t, turns = series.first_zero(w, series.ACCELERATION, slows, order - 1, FIRST_PIECE, t, h)
+        if t >= h:
+            break
         if turns:
             if slows > 0.0:
                 smallest = min(smallest, -series.value_at(w, series.V, order, t))
