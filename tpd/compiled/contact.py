@@ -27,9 +27,11 @@ def excess(q, y0, y1, y3, side, eta):
     acts. Row 1 of the equations contains psi'', which row 2 gives for phi'' = 0. In (25), f (1 + kappa mu)
     then becomes f, because the bob's share of the forcing accelerates the bob.
     """
+    # The signs are those of `tpd.theory`: a positive moment tilts the block to the right.
     weight = side * q.weight
     if q.linear.real != 0.0:
         return q.up * y0 - q.f * eta - (q.up - 1.0) * y1 + q.bias * y3 - weight
+    # Lever arms of the rod's pull about the corner, along and across the rod.
     sp, cp, relative = np.sin(y0), np.cos(y0), y0 - y1
     big_s = side * q.nu * np.sin(relative) + q.kappa * np.cos(relative)
     big_c = side * q.nu * np.cos(relative) - q.kappa * np.sin(relative)
@@ -91,6 +93,7 @@ def impact(q, rests, side, psi):
     than the last by a ratio, and infinitely many hops take a finite time. Together they act like one
     perfectly plastic impact, with an error of the order of the square of the rate.
     """
+    # In the linear equations the rod hangs vertically at an impact.
     sine, cosine = (0.0 * psi, 0.0 * psi + 1.0) if q.linear.real != 0.0 else (np.sin(psi), np.cos(psi))
     after = velocity_ratio(q.e, q.nu, q.mu, q.lam, q.rho, q.kappa, side, sine, cosine)
     after = 0.0 * after if rests else after
@@ -103,6 +106,7 @@ def land(q, y, capture, eta, mode):
 
     A slow impact on a block that can be held ends a rattle: no rate remains.
     """
+    # First the question whether the block could be held, with the rates before the impact.
     before, side = y[TILT_RATE], mode.tilt
     decide(q, y, 0.0, 0.0, eta, mode)
     can_rest = mode.kind == REST

@@ -112,6 +112,7 @@ def _pass_event(q, m, legs, event, at_once, pull, w, eta):
     usual = 2.0 * math.pi / w.period
     if event == LANDING:
         m.impacts += 1
+        # The rate is that before the impact, which may end in rest.
         speed = abs(y[TILT_RATE])
         rests, can_rest = land(q, y, w.capture, eta, m)
         crossing = math.inf if can_rest else speed / (usual * q.weight)
@@ -168,6 +169,7 @@ def advance(q, f, m, legs, w, i, s, end):
             m.n_legs += 1
             return ARRIVED
         reach = min(remaining, min(pace, 1.5 * w.stride if strides else longest))
+        # With a bounded reach the series has fewer orders, and finds an event that is near.
         order, h = series.expand(q, m, y, load_at(q, f, i, s), reach, w)
         # A step that is too short, or NaN, means that the series does not converge.
         if not h >= min(reach, 1e-13 * w.period):
@@ -175,6 +177,7 @@ def advance(q, f, m, legs, w, i, s, end):
         # No step is ever repeated, because the length of a step follows from its series.
         event, h = first_event(q, m, order, h, w)
         arrives = event == CONTINUES and h == remaining
+        # A leg is recorded before the state changes, and counted below: the largest angles refer to it.
         record_leg(m, legs, i, s, h, order, END if arrives else event)
         series.store_state(w, order, h, y)
         overturned = not abs(y[TILT]) < limit
@@ -205,6 +208,7 @@ def advance(q, f, m, legs, w, i, s, end):
             # Set the variable that vanishes at the event to exactly zero.
             y[TILT] = 0.0 if event == LANDING else y[TILT]
             y[TILT_RATE] = 0.0 if event == TURN else y[TILT_RATE]
+            # The acceleration before the event shows whether the motion grazes it.
             _, pull = series.value_and_slope(w, series.V, order, h)
             _pass_event(q, m, legs, event, h == 0.0, pull, w, forcing_now(q, f, i, s))
             if m.kind == SLIP:
@@ -254,6 +258,7 @@ def _height(q, tilt):
 def _stays_below(q, y, tilt):
     """Whether the energy of a free motion is too small for the tilt |phi|, at most that of the unstable
     equilibrium, and for all larger ones."""
+    # The bob's potential energy and the lever arm of its mass, first those of the linear equations.
     rate, swing, lever, bob = y[TILT_RATE], y[SWING_RATE], q.kappa, 0.5 * y[SWING] * y[SWING]
     unstable = q.weight / q.up
     if q.linear == 0.0:
@@ -303,6 +308,7 @@ def _follow_once(q, f, m, legs, w, s, events, trial):
         ended = advance(q, f, m, legs, w, f.pieces, begin, end)
         # A run without free motion ends here as well.
         begin = end if end > 0.0 else math.inf
+    # The outcome of the run does not depend on when its free motion ends. The state and the angles do.
     set_motion(y, m, trial)
     reset_counts(trial)
     trial.events, n = m.events, 0

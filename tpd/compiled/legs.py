@@ -180,6 +180,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         c[series.PSI, VALUE] = complex(y[SWING], r.dy[SWING, j] * STEP)
         c[series.V, VALUE] = complex(y[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
         c[series.R, VALUE] = complex(y[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
+        # A later start of the leg meets the forcing at a later phase.
         e = load_at(q, f, leg.piece, complex(leg.start, before * STEP))
         series.terms(q, leg, e, math.inf, order, r)
         phi, psi = series.value_at(r, series.PHI, order, t), series.value_at(r, series.PSI, order, t)
@@ -189,6 +190,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         # delay is the value of the signal that vanishes at the event, divided by its slope.
         delay = 0.0
         if event == END:
+            # The end of a piece depends on its duration alone, and that of a free motion on nothing.
             delay = (span_of(q, f).imag / STEP if f.harmonic or leg.piece < f.pieces else 0.0) - before
         elif event == STOP:
             delay = -(leg.piece * span_of(q, f).imag / STEP + before)
@@ -201,6 +203,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         r.shift[j] = before + delay
         if angles:
             _store_angles(r, f, m, leg, order, n, j, before, by)
+        # Past the event: the variable that vanishes there vanishes for all parameters.
         if event == TURN:
             r.dy[TILT_RATE, j] = 0.0
         elif event == LANDING:
@@ -231,6 +234,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
         series.value_and_slope(w, series.V, order, t),
         series.value_and_slope(w, series.R, order, t),
     )
+    # The slope of the signal that vanishes at the end of the leg.
     slope = 0.0
     if event != CONTINUES and event < END:
         _, slope = series.value_and_slope(w, _signal(event), order, t)
@@ -251,6 +255,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
                 phi = series.value_at(w, series.PHI, order, m.peak_offsets[k])
                 by[ANGLES + k, j] = angle_of(phi, series.value_at(w, series.PSI, order, m.peak_offsets[k]), k)
         series.store_state(w, order, t, y)
+        # The change of the time at which the leg ends: that of its event, or none.
         shift = before if event == CONTINUES else 0.0
         if event != CONTINUES and event < END and slope != 0.0:
             value = y[TILT_RATE] if event == TURN else y[TILT]
@@ -258,6 +263,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
                 value = q.up * y[TILT] - (q.up - 1.0) * y[SWING] + q.bias * y[SWING_RATE]
                 value = -value if event == RELEASE_UP else value
             shift = -value / slope
+        # Changes at the shifted time.
         d[TILT, j], d[SWING, j] = y[TILT] + v * shift, y[SWING] + rate * shift
         d[TILT_RATE, j], d[SWING_RATE, j] = y[TILT_RATE] + a * shift, y[SWING_RATE] + b * shift
         for k in range(6 if angles else 0):
@@ -374,6 +380,7 @@ def growing_coordinate(q, tilt, direction, y, dy, j):
 
     It is zero on the border between overturning and falling back, under (4) near the equilibrium.
     """
+    # The equations are linearised about the equilibrium. Only two coefficients differ from those of (25).
     phi = unstable_tilt(q, tilt, direction)
     lever, up = q.kappa, q.up
     if q.linear.real == 0.0:

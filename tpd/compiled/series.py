@@ -146,6 +146,7 @@ def _expand_linear(q, m, e, remaining, most, w):
     # The coefficients of the forcing, see `_expand_forcing`.
     e0, e1, e2, e3 = e.e0, e.e1, e.e2, e.e3
     sine, cosine, before = q.f * np.sin(e.phase), q.f * np.cos(e.phase), 0.0 * e.phase
+    # The coefficients of order n are kept in local variables: each pass depends on the last one alone.
     for n in range(most):
         slip, by = v - r, _OVER[n]
         if e.xi.real != 0.0:
@@ -153,11 +154,13 @@ def _expand_linear(q, m, e, remaining, most, w):
             sine, cosine = e.xi * by * cosine, -e.xi * by * sine
         else:
             force, e0, e1, e2, e3 = q.f * e0, e1, e2, e3, 0.0 * e3
+        # Both rows of (25) without the inertia, and their solution for the accelerations of order n.
         r1, r2 = up * (phi - force) - c1 * slip, force - psi + c2 * slip
         phi, psi = by * v, by * r
         v, r = by * (a11 * r1 + a12 * r2), by * (a21 * r1 + a22 * r2)
         c[PHI, n + 1], c[PSI, n + 1], c[V, n + 1], c[R, n + 1] = phi, psi, v, r
         power *= remaining
+        # Two small terms in a row are needed, because a single one may vanish by chance.
         if n >= 3:
             term = max(abs(v.real) * of_block, abs(r.real) * of_bob) * power
             if term <= 1.0 and former <= 1.0:
@@ -179,10 +182,12 @@ def _expand_slipping(q, m, remaining, most, w):
     pull, rho, weight, lever, high = q.pull, q.rho, m.tilt * q.weight, m.tilt * q.nu, q.kappa
     phi, psi = c[PHI, VALUE], c[PSI, VALUE]
     sp, cp, sq, cq = np.sin(phi), np.cos(phi), np.sin(psi), np.cos(psi)
+    # Sine and cosine of phi - psi.
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
     c[_S, VALUE], c[_C, VALUE] = lever * sine + high * cosine, lever * cosine - high * sine
+    # The mass matrix contains S, of which only order zero multiplies the highest order of an acceleration.
     lever = c[_S, VALUE]
     # Friction is a constant, so that only order zero has it.
     friction, by_det = -m.direction * q.k + 0.0 * lever, 1.0 / (q.m11 * q.m22 - pull * rho * lever * lever)
@@ -196,6 +201,8 @@ def _expand_slipping(q, m, remaining, most, w):
         for j in range(n + 1):
             i = n - j
             v, r, force, s, cos = c[V, i], c[R, i], c[FORCE, i], c[_S, j], c[_C, j]
+            # A' = B phi', B' = -A phi', (sin psi)' = cos psi psi', (cos psi)' = -sin psi psi', and with the
+            # rate phi' - psi' also S' and C'.
             a1 += c[_B, j] * v
             b1 -= c[_A, j] * v
             s1 += c[_COS, j] * r
@@ -210,6 +217,7 @@ def _expand_slipping(q, m, remaining, most, w):
             on_bob += s * c[_ACC, i]
             on_block += s * c[_SWING, i]
         c[_CV, n], c[_CR, n] = cv, cr
+        # The centrifugal terms C phi'^2 and C psi'^2.
         cvv += cv * c[V, VALUE]
         crr += cr * c[R, VALUE]
         # Order n of the equations, which are solved for the accelerations of this order.
@@ -237,11 +245,13 @@ def _expand_held_linear(q, m, remaining, most, w):
     c, inverse = w.series, w.inverse
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     hold, power, former, still = q.k + q.slack, 1.0, 1.0, q.up * c[PHI, VALUE]
+    # The moment on the block contains no derivative of the bob's rate, so that its order n follows at once.
     for n in range(most + 1):
         by, moment = _OVER[n], still - c[FORCE, n] - (q.up - 1.0) * c[PSI, n] + q.bias * c[R, n]
         c[PHI, n + 1], c[V, n], c[PSI, n + 1] = 0.0, 0.0, by * c[R, n]
         c[R, n + 1] = by * (c[FORCE, n] - c[PSI, n] - q.c2 * c[R, n]) / q.m22
         c[UP, n], c[DOWN, n] = hold + up * q.weight - moment, hold - down * q.weight + moment
+        # Weight, friction and the tilt are constants, which only order zero has.
         up, down, hold, still = 0.0, 0.0, 0.0 * hold, 0.0 * still
         if n > 4 and _is_converged(c, n, power, former, inverse):
             return n
@@ -262,6 +272,7 @@ def _expand_held(q, m, remaining, most, w):
     hold, pull, power, former = q.k + q.slack, q.pull, 1.0, 1.0
     for n in range(most + 2):
         gc = s1 = c1 = 0.0 * sp
+        # The forcing of the bob, and the rates of sine and cosine of its angle.
         for j in range(n + 1):
             i = n - j
             gc += c[FORCE, j] * c[_COS, i]
@@ -326,6 +337,7 @@ def expand(q, m, y, e, remaining, w):
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
     order = terms(q, m, e, remaining, w.order, w)
+    # Under a ground motion the angle between rod and block is a result of its own.
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
     if order < w.order:

@@ -188,11 +188,13 @@ def settle(x, buffers, s, since, ramp, out):
         # States before the excitation became steady do not count for a repetition or for rest.
         is_steady = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
+        # A block that is held at the end of a period may be held permanently.
         is_held = is_steady and _may_rest(q, m, last[NEWEST].y, peak, tolerance)
         count = repetition.store_period(last, count if is_steady else 0, y, peak, swing, m.hold_level)
         was_held = repeats > 0 and repetition.was_held(last, repeats)
         if is_held and elapsed >= wait:
             rest_swing = _settled_swing(q, m, legs, w, scales, int(s.periods) - elapsed, trial, peaks)
+            # The next trials wait longer and longer: in most runs the block lifts again.
             trials += 1
             wait = elapsed + trials
         if ended == NOT_FINITE or not is_finite(y):

@@ -98,6 +98,7 @@ def follow_strides(q, f, m, w, i, s, end, limit):
     h = w.stride
     if stride.ready == _USELESS or end - s < h * (1.0 - _LATE):
         return s
+    # The phase of the forcing turns by the same angle in each stride.
     sine, cosine, columns = math.sin(q.xi * h), math.cos(q.xi * h), (6 if f.harmonic else 8)
     z[_FIRST], z[_SECOND] = math.sin(q.xi * s), math.cos(q.xi * s)
     for k in range(0 if f.harmonic else 4):
@@ -121,6 +122,7 @@ def follow_strides(q, f, m, w, i, s, end, limit):
             # A block that moves outwards cannot land.
             clear = clear and (m.tilt == m.direction or min(m.tilt * y[TILT], m.tilt * phi) > of_phi)
         else:
+            # The moment on a held block must stay below friction, on the base also below the weight.
             hold, side = (q.k + q.weight, 0.0) if m.kind == REST else (q.k, m.tilt)
             one = abs(excess(q, y[TILT], y[SWING], y[SWING_RATE], side, first))
             clear = max(one, abs(excess(q, y[TILT], psi, r, side, last))) + of_phi < hold
