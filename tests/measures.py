@@ -2,10 +2,8 @@
 
     python -m tests.measures [BASE]
 
-prints each measure at the base and in the working tree. `base_commit` chooses the base. No value is stored,
-and therefore none can be raised: `tests/test_layout.py` lets no measure of the structure get worse, and a
-size grows only by what the messages of the commits since the base state, in a line such as
-`Cost: 120 code lines`.
+prints each measure at the base and in the working tree. `base_commit` chooses the base. The tests let no
+measure of the structure get worse than at the base, and no size exceed its ceiling.
 """
 
 from __future__ import annotations
@@ -34,8 +32,15 @@ INTERNAL = re.compile(r"(numba\.(core|np|_\w+)|jax\._src|jaxlib|matplotlib\._\w+
 """Modules of other libraries that their documentation does not offer to users."""
 PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 """Names with an underscore that Python documents, of named tuples and enumerations."""
-SIZES = ("code lines", "characters of code", "lines of tests", "lines of benchmarks", "modules")
-"""Measures that grow with what the package can do. All others concern the structure."""
+CEILINGS = {
+    "code lines": 20600,
+    "characters of code": 1030000,
+    "lines of tests": 33400,
+    "lines of benchmarks": 5269,
+    "modules": 189,
+}
+"""Largest values of the measures that grow with what the package can do. They are only lowered. All other
+measures concern the structure."""
 COMMENTS = "comments per 100 code lines"
 """Name of the only measure of which more is better."""
 
@@ -338,30 +343,13 @@ def base_commit() -> str:
     return ""
 
 
-def stated_costs(messages: str) -> Counter[str]:
-    """Return by how much the messages of commits let each size grow.
-
-    Raises:
-        ValueError: a line `Cost:` is not a list such as "120 code lines, 1 modules".
-    """
-    costs: Counter[str] = Counter()
-    for line in re.findall(r"^Cost: *(.*)$", messages, re.M):
-        for part in line.split(","):
-            number, _, size = part.strip().partition(" ")
-            # A single line is singular.
-            size = re.sub(r"^(code )?line\b", r"\1lines", size)
-            if not number.isdigit() or size not in SIZES:
-                raise ValueError(f"`Cost: {line}` must be a list of numbers of {', '.join(SIZES)}")
-            costs[size] += int(number)
-    return costs
-
-
-def worse(before: dict[str, float], now: dict[str, float], costs: Counter[str]) -> list[str]:
-    """Return a sentence for each measure that is worse than before by more than the stated costs."""
+def worse(before: dict[str, float], now: dict[str, float]) -> list[str]:
+    """Return a sentence for each size above its ceiling, and for each other measure that is worse than before."""
+    bounds = before | CEILINGS
     return [
-        f"{name}: {now[name]:g}, {last:g} before" + (f", and {costs[name]} stated" if costs[name] else "")
-        for name, last in before.items()
-        if (now[name] < last if name == COMMENTS else now[name] > last + costs[name])
+        f"{name}: {now[name]:g}, and {bound:g} {'is the ceiling' if name in CEILINGS else 'before'}"
+        for name, bound in bounds.items()
+        if (now[name] < bound if name == COMMENTS else now[name] > bound)
     ]
 
 
@@ -372,11 +360,6 @@ def main() -> None:
     before = Source.of_commit(base).measures() if base else {}
     lines = [f"{base[:8] or 'no base':>9} {'now':>9}"]
     lines += [f"{before.get(name, float('nan')):9g} {value:9g}  {name}" for name, value in now.items()]
-    growth = {name: now[name] - before[name] for name in SIZES if before}
-    if cost := ", ".join(f"{change:g} {name}" for name, change in growth.items() if change > 0):
-        lines.append(
-            f"A commit that adds a feature states what it adds. All since the base is:\nCost: {cost}"
-        )
     print("\n".join(lines))
 
 
