@@ -344,7 +344,7 @@ def base_commit() -> str:
 
 
 def worse(before: dict[str, float], now: dict[str, float]) -> list[str]:
-    """Return a sentence for each size above its ceiling, and for each other measure that is worse than before."""
+    """Return a sentence for each size above its ceiling and for each other measure that got worse."""
     bounds = before | CEILINGS
     return [
         f"{name}: {now[name]:g}, and {bound:g} {'is the ceiling' if name in CEILINGS else 'before'}"
