@@ -25,14 +25,14 @@ from tpd.formats.channel import (
     UNSTATED,
     Channel,
     check_channel,
+    event_of,
     factor_of,
     note_direction,
-    of_file,
     orientation,
     scale_channel,
 )
 from tpd.formats.table import Options as Options
-from tpd.formats.table import read_table
+from tpd.formats.table import columns_in_words, overview, read_table
 from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
 
 _MOST = 200_000_000
@@ -91,6 +91,15 @@ _SAC = {
 """Contents of a SAC file other than an acceleration, by field of the header and by its value."""
 _SEG_Y = {1: "pressure", 2: "volts", 3: "volts", 4: "current", 5: "displacement", 6: "velocity", 8: "force"}
 """Contents of a SEG-Y file other than an acceleration, by the code of its unit."""
+_SEED = re.compile(
+    r"(?!(?:EW|UD|CH)\d|VER|VRT|LON|TRA|TRN|RAD|HOR|VEL|DIS)[BCDEFGHLMOPQRSTUVW]([A-Z])[A-Z0-9]"
+)
+"""Pattern of a SEED code: rate, instrument and direction. Some names of directions look like a code."""
+_INSTRUMENTS = {"H": "velocity", "L": "velocity", "P": "velocity", "D": "pressure", "J": "rotation"}
+_INSTRUMENTS |= {"A": "tilt", "K": "temperature", "W": "wind", "S": "strain", "F": "a magnetic field"}
+"""Contents of a channel by the second letter of its SEED code. N is an accelerometer."""
+_WORDS = {"VEL": "velocity", "DIS": "displacement", "DSP": "displacement"}
+"""Contents of a channel by its name."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -110,8 +119,6 @@ def channels(file: Path, how: Options) -> list[Channel]:
     channels, label = list[Channel](), label_of(file)
     try:
         read = _of_bytes(_content(file), how)
-        # The name of a file with several channels says nothing about a single channel.
-        named = of_file(file.name) if len(read) == 1 else None
         for i, channel in enumerate(read):
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
@@ -119,8 +126,8 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
                 wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
-            channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline), named)
-            channels.append(replace(channel, source=label))
+            channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline))
+            channels.append(replace(channel, source=label, event=event_of(channel.event)))
     except UnreadableRecord as error:
         error.args = (f"{label}: {error.args[0]}",)
         raise
@@ -194,6 +201,20 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     # A text contains no control characters, so a file with one is not a text or is damaged.
     if _BINARY.search(data):
         return read_waveforms(data, how.unit)
+    cursor = _lines_of(data)
+    # Options about columns state that the file is a table, whatever its words are.
+    if how.columns is not None or how.skip:
+        return read_table(cursor, how)
+    if _SPECTRA.match(cursor.peek()):
+        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
+    # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
+    # read as a table.
+    reader = _reader_of(cursor)
+    return reader(cursor, how.unit) if reader else read_table(cursor, how)
+
+
+def _lines_of(data: bytes) -> Cursor:
+    """Return the lines of a text."""
     text = data.rstrip(b"\x1a")
     try:
         decoded = text.decode("utf-8-sig")
@@ -203,21 +224,24 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     lines = re.split(r"\r\n|\n|\r", decoded)
     whole = lines[-1] == ""
     # If the byte 0x1a ends the file, its last line may have no line break.
-    cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
-    if "RENADIC" in " ".join(cursor.lines[:15]).upper():
-        remedy = "save time in s and acceleration as two columns, with a header that states the unit"
-        raise UnreadableRecord(f"the format of RENADIC (Chile) is not read: {remedy}")
-    if _SPECTRA.match(cursor.peek()):
-        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
-    # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
-    # read as a table.
-    for is_format, reader in _FORMATS:
-        if is_format(cursor.lines):
-            if how.columns is not None or how.skip:
-                own = f"the file is in the format of {reader.__module__.rpartition('.')[2].upper()}"
-                raise UnreadableRecord(f"`columns` and `skip` are allowed only for tables, but {own}")
-            return reader(cursor, how.unit)
-    return read_table(cursor, how)
+    return Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
+
+
+def _reader_of(cursor: Cursor) -> Reader | None:
+    """Return the reader of the format of a text; None for a table."""
+    return next((reader for is_format, reader in _FORMATS if is_format(cursor.lines)), None)
+
+
+def contents(file: Path, how: Options) -> list[str]:
+    """Return lines that show what a file contains: the first lines and the columns of a table, or the
+    channels of any other format, in m/s^2."""
+    data = _from_utf_16(_content(file))
+    if not _BINARY.search(data):
+        cursor = _lines_of(data)
+        if how.columns is not None or how.skip or not _reader_of(cursor):
+            return overview(cursor.lines, how.skip)
+    names = ((f"{i} {c.component}".strip(), c.acceleration) for i, c in enumerate(channels(file, how)))
+    return columns_in_words(dict(names))
 
 
 def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
@@ -261,11 +285,20 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         remedy, content = f"remove its response with ObsPy and {_SAVE}", "counts of the instrument"
         raise NoAcceleration(f"{trace.id} contains {content}: {remedy}", content)
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
+    code, notes = str(stats.channel).upper(), [UNSTATED]
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
-    contents = [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
+    # CyberShake simulates velocities, and its files do not state it.
+    contents = ["velocity" if getattr(stats, "_format", "") == "CYBERSHAKE" else None, _WORDS.get(code)]
+    contents += [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
     contents += [_SEG_Y.get(getattr(header, "trace_value_measurement_unit", 0)) for header in seg_y]
+    if (seed := _SEED.fullmatch(code)) and seed[1] in "HL":
+        # An acceleration is the derivative of what a seismometer measures.
+        notes.append(f"the code {code} is that of a seismometer: its samples count as accelerations")
+    elif seed and seed[1] != "N":
+        contents.append(_INSTRUMENTS.get(seed[1], f"the instrument {seed[1]} of {code}"))
     if content := next(filter(None, contents), ""):
-        raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
+        wrong = f"{trace.id} contains no acceleration: its header or format states {content}"
+        raise NoAcceleration(wrong, content)
     if (factor := getattr(stats, "calib", 1.0)) != 1.0:
         meaning = f"which may be missing in the samples: apply it with ObsPy and {_SAVE}"
         raise UnreadableRecord(f"the header of {trace.id} states the factor {factor:g}, {meaning}")
@@ -274,7 +307,9 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
     # Such files state no unit, so the user must pass it.
     factor, event, component = factor_of(None, unit), str(stats.starttime)[:10], stats.channel
+    # This date is the default of files without one.
+    event = "" if event == "1970-01-01" else event
     # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()
-    return Channel(values * factor, float(stats.delta), component, trace.id, event, (UNSTATED,))
+    return Channel(values * factor, float(stats.delta), component, trace.id, event, tuple(notes))

