@@ -21,7 +21,7 @@ from tests.formats.synthetic import (
 )
 from tpd import Record
 from tpd.formats import channel
-from tpd.formats.channel import FACTORS, Channel, of_file, orientation, unit_spelling
+from tpd.formats.channel import FACTORS, Channel, orientation, unit_spelling
 from tpd.formats.text import Decimal, UnreadableRecord
 
 

@@ -122,7 +122,7 @@ def _parts(key: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _count(part: dict[str, Any]) -> int:
-    """Return the number of values that a schema allows: 1 unless it is an array or a table, 0 for any number."""
+    """Return the number of values that a schema allows: 0 for any number, as in a table."""
     several = part.get("type") in ("array", "object")
     return len(part.get("prefixItems", ())) if several else 1
 

@@ -212,7 +212,7 @@ class _Excitation(msgspec.Struct):
 
 class _Records(msgspec.Struct):
     events: Annotated[dict[str, str] | None, Key("--event FILE=NAME", _RECORDS, _FILE)] = None
-    """Names of the earthquakes, by file or folder (default: what the files state; all others count as one)."""
+    """Names of the earthquakes, by file or folder (default: what the files state, else one earthquake)."""
 
 
 class _Reading(msgspec.Struct):

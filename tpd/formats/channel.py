@@ -275,12 +275,12 @@ def is_component(word: str) -> bool:
     return re.fullmatch(directions, word.strip().lower()) is not None
 
 
-_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()
+_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _DATES = (
-    r"(?P<y>\d{4})(?:/|-|\s+)(?P<m>\d{1,2}|[a-z]{3,9})(?:/|-|\s+)(?P<d>\d{1,2})(?!\d)",
+    r"(?P<y>\d{4})[-/\s]\s*(?P<m>\d{1,2}|[a-z]{3,9})[-/\s]\s*(?P<d>\d{1,2})(?!\d)",
     r"(?<!\d)(?P<y>(?:19|20)\d\d)(?P<m>\d\d)(?P<d>\d\d)(?!\d)",
     r"(?<!\d)(?P<m>\d{1,2})/(?P<d>\d{1,2})/(?P<y>\d{4}|\d\d)(?!\d)",
-    r"\b(?P<m>[a-z]{3,9})\.? +(?P<d>\d{1,2}), *(?P<y>\d{4})(?!\d)",
+    r"(?:of )?(?:\b[a-z]{3} )?\b(?P<m>[a-z]{3,9})\.? +(?P<d>\d{1,2}), *(?P<y>\d{4})(?!\d)",
 )
 """Patterns of the dates in the headers of agencies."""
 _EARLIEST_SHORT = 33
@@ -289,23 +289,16 @@ record, to 2032."""
 
 
 def event_of(text: str) -> str:
-    """Return the earthquake that a header states: its name and, if there is one, its date as 1979-10-15.
+    """Return the earthquake that a header states: the name before the date, and the date as 1979-10-15.
 
     >>> event_of("NOWHERE VALLEY 10/15/79 2316")
     'NOWHERE VALLEY 1979-10-15'
     """
     for match in (m for pattern in _DATES for m in re.finditer(pattern, text, re.IGNORECASE)):
-        year, month, day = match["y"], match["m"].lower()[:3], int(match["d"])
+        year, month, day = int(match["y"]), match["m"].lower()[:3], int(match["d"])
         number = _MONTHS.index(month) + 1 if month in _MONTHS else int(month) if month.isdigit() else 0
-        whole = int(year) + (0 if len(year) == 4 else 1900 if int(year) >= _EARLIEST_SHORT else 2000)
-        if 1800 < whole < 2100 and 1 <= number <= 12 and 1 <= day <= 31:
-            # A name may precede the date, or follow the date and the time.
-            before = re.sub(
-                r"[\s,]*\b(?:of\s+)?(?:(?:sun|mon|tue|wed|thu|fri|sat)\s+)?$",
-                "",
-                text[: match.start()],
-                flags=re.IGNORECASE,
-            )
-            after = re.sub(r"^[\s\d:._]*(?:UTC?|GMT)?\s*", "", text[match.end() :])
-            return f"{before.strip() or after.strip()} {whole}-{number:02d}-{day:02d}".strip()
+        year += 0 if year > 99 else 1900 if year >= _EARLIEST_SHORT else 2000
+        if 1800 < year < 2100 and 1 <= number <= 12 and 1 <= day <= 31:
+            name = " ".join(text[: match.start()].split()).rstrip(",")
+            return f"{name} {year}-{number:02d}-{day:02d}".strip()
     return " ".join(text.split())

@@ -41,40 +41,24 @@ _GZIP = b"\x1f\x8b"
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Bytes that do not occur in a text. Old systems used 0x1a to end and to fill files."""
 
-_UNPACK = "unpack it first"
-_SHEET = "save the sheet as CSV"
 _TABLE = "save time in s and acceleration as a table of text, such as CSV"
 _SAVE = "save the acceleration as a table in m/s2"
 _MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
 """MATLAB 4 files contain no name of the format, only sizes and the name of the first array."""
+_WORKBOOK = rb"PK\x03\x04.*(?:xl/(?:workbook|worksheets)|opendocument\.spreadsheet)|\xd0\xcf\x11\xe0\xa1\xb1"
+_ARRAYS = rb"MATLAB \d\.\d MAT-file|\x93NUMPY|PK\x03\x04.*\.npy|\x89HDF\r\n|CDF[\x01\x02\x05]|PAR1.*PAR1$|"
+_ARRAYS += rb"ARROW1\x00|FEA1.*FEA1$|SQLite format 3\x00|RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]|"
+_ARRAYS += rb"\x80[\x02-\x05].*\.$|"
+_PACKED = (
+    rb"PK\x03\x04|PK\x05\x06|7z\xbc\xaf|Rar!\x1a\x07|BZh|\xfd7zXZ\x00|\x28\xb5\x2f\xfd|\x1f\x9d|.{257}ustar"
+)
 _NO_TEXT = (
-    (rb"PK\x03\x04.*xl/(?:workbook|worksheets)", "an Excel workbook (.xlsx)", _SHEET),
-    (rb"PK\x03\x04.*opendocument\.spreadsheet", "a spreadsheet (.ods)", _SHEET),
-    (rb"PK\x03\x04.*\[Content_Types\]", "an Office document (.docx, .pptx)", _TABLE),
-    (rb"PK\x03\x04.*\.npy", "a NumPy archive (.npz)", _TABLE),
-    (rb"PK\x03\x04", "an archive or compressed (zip)", _UNPACK),
-    (rb"PK\x05\x06", "an archive or compressed (zip, and empty)", _UNPACK),
-    (rb"7z\xbc\xaf\x27\x1c", "an archive or compressed (7z)", _UNPACK),
-    (rb"Rar!\x1a\x07", "an archive or compressed (rar)", _UNPACK),
-    (rb"BZh", "an archive or compressed (bzip2)", _UNPACK),
-    (rb"\xfd7zXZ\x00", "an archive or compressed (xz)", _UNPACK),
-    (rb"\x28\xb5\x2f\xfd", "an archive or compressed (zstd)", _UNPACK),
-    (rb"\x1f\x9d", "an archive or compressed (compress)", _UNPACK),
-    (rb".{257}ustar", "an archive (tar)", _UNPACK),
-    (rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook (.xls) or another old Office file", _SHEET),
-    (rb"MATLAB \d\.\d MAT-file|" + _MATLAB_4, "a MATLAB file (.mat)", _TABLE),
-    (rb"\x93NUMPY", "a NumPy array (.npy)", _TABLE),
-    (rb"\x89HDF\r\n\x1a\n", "an HDF5 file", _TABLE),
-    (rb"CDF[\x01\x02\x05]", "a NetCDF file", _TABLE),
-    (rb"\x80[\x02-\x05].*\.$", "a Python pickle", _TABLE),
-    (rb"PAR1.*PAR1$", "a Parquet file", _TABLE),
-    (rb"ARROW1\x00|FEA1.*FEA1$", "an Arrow or Feather file", _TABLE),
-    (rb"SQLite format 3\x00", "an SQLite database", _TABLE),
-    (rb"RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]", "an R data file (.RData, .rds)", _TABLE),
-    (rb"%PDF-", "a PDF document", _TABLE),
-    (rb"\{\\rtf", "a document in rich text (.rtf)", _TABLE),
+    (_WORKBOOK, "a workbook (.xlsx, .ods, .xls)", "save the sheet as CSV"),
+    (_ARRAYS + _MATLAB_4, "data of another program, such as NumPy, MATLAB, HDF5 or R", _TABLE),
+    (rb"PK\x03\x04.*\[Content_Types\]|%PDF-|\{\\rtf", "a document (.docx, .pdf, .rtf)", _TABLE),
     (rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a", "a picture", _TABLE),
     (rb"(?i:(?:\xef\xbb\xbf)?\s*<(?:\?xml|!doctype|html))", "a page of HTML or XML", _TABLE),
+    (_PACKED, "an archive or compressed (zip, 7z, rar, bzip2, xz, zstd, tar)", "unpack it first"),
 )
 """Patterns at the beginning of files that are not plain text, the kind of such a file, and the remedy."""
 _START = 100_000
@@ -91,10 +75,10 @@ _SAC = {
 """Contents of a SAC file other than an acceleration, by field of the header and by its value."""
 _SEG_Y = {1: "pressure", 2: "volts", 3: "volts", 4: "current", 5: "displacement", 6: "velocity", 8: "force"}
 """Contents of a SEG-Y file other than an acceleration, by the code of its unit."""
-_SEED = re.compile(
-    r"(?!(?:EW|UD|CH)\d|VER|VRT|LON|TRA|TRN|RAD|HOR|VEL|DIS)[BCDEFGHLMOPQRSTUVW]([A-Z])[A-Z0-9]"
-)
-"""Pattern of a SEED code: rate, instrument and direction. Some names of directions look like a code."""
+_NO_SEED = r"(?:EW|UD|CH)\d|VER|VRT|LON|TRA|TRN|RAD|HOR|VEL|DIS"
+"""Pattern of names of channels that look like a SEED code."""
+_SEED = re.compile(rf"(?!{_NO_SEED})[BCDEFGHLMOPQRSTUVW]([A-Z])[A-Z0-9]")
+"""Pattern of a SEED code: rate, instrument and direction."""
 _INSTRUMENTS = {"H": "velocity", "L": "velocity", "P": "velocity", "D": "pressure", "J": "rotation"}
 _INSTRUMENTS |= {"A": "tilt", "K": "temperature", "W": "wind", "S": "strain", "F": "a magnetic field"}
 """Contents of a channel by the second letter of its SEED code. N is an accelerometer."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core.checks import PLAUSIBLE
-from tpd.core.files import label_of, path_of, readable
+from tpd.core.files import label_of, path_of
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration, StatedByFile

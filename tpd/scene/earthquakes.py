@@ -17,7 +17,7 @@ _DATE = re.compile(r"(?<!\d)(\d{4})(-\d\d-\d\d)?\s*$")
 
 
 def _parts(text: str) -> tuple[list[str], str, date | None]:
-    """Return the words of a name without numbers at its end, the year, and the date."""
+    """Return the words of a name without a number such as -06 at its end, the year, and the date."""
     match = _DATE.search(text)
     name = text[: match.start()] if match else text
     day = None
@@ -26,7 +26,7 @@ def _parts(text: str) -> tuple[list[str], str, date | None]:
             day = date.fromisoformat(match[0].strip())
         except ValueError:
             name = text
-    words = re.findall(r"[^\W_]+", re.sub(r"[\W\d_]+$", "", name.lower()))
+    words = re.findall(r"[^\W_]+", re.sub(r"-\d+\W*$", "", name.lower()))
     return words, match[1] if match else "", day
 
 
@@ -34,7 +34,8 @@ def is_one(first: str, second: str) -> bool:
     """Return whether two texts state the same earthquake.
 
     Dates decide if both texts have one. They may differ by one day, because local dates and universal ones
-    do. Otherwise the names and the years must agree. Numbers at the end of a name do not count.
+    do. Otherwise the names and the years must agree. A number such as -06 at the end of a name, with which
+    agencies count the earthquakes of one region, does not count.
 
     >>> is_one("Nowhere Valley-06 1979-10-15", "NOWHERE VALLEY 1979-10-16")
     True
