@@ -49,9 +49,8 @@ _WORKBOOK = rb"PK\x03\x04.*(?:xl/(?:workbook|worksheets)|opendocument\.spreadshe
 _ARRAYS = rb"MATLAB \d\.\d MAT-file|\x93NUMPY|PK\x03\x04.*\.npy|\x89HDF\r\n|CDF[\x01\x02\x05]|PAR1.*PAR1$|"
 _ARRAYS += rb"ARROW1\x00|FEA1.*FEA1$|SQLite format 3\x00|RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]|"
 _ARRAYS += rb"\x80[\x02-\x05].*\.$|"
-_PACKED = (
-    rb"PK\x03\x04|PK\x05\x06|7z\xbc\xaf|Rar!\x1a\x07|BZh|\xfd7zXZ\x00|\x28\xb5\x2f\xfd|\x1f\x9d|.{257}ustar"
-)
+_PACKED = rb"PK\x03\x04|PK\x05\x06|7z\xbc\xaf|Rar!\x1a\x07|BZh|\xfd7zXZ\x00|\x28\xb5\x2f\xfd|\x1f\x9d|"
+_PACKED += rb".{257}ustar"
 _NO_TEXT = (
     (_WORKBOOK, "a workbook (.xlsx, .ods, .xls)", "save the sheet as CSV"),
     (_ARRAYS + _MATLAB_4, "data of another program, such as NumPy, MATLAB, HDF5 or R", _TABLE),

@@ -377,7 +377,10 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     says = says or column
     units = {_SCALES[unit] for unit in (column.unit, says.unit) if unit}
     meanings = {column.meaning, says.meaning} - {"acceleration"}
-    if _OTHER.search(cell) or len(units) > 1 or (len(meanings) > 1 and meanings <= {*NAMES}):
+    # A user may know that x is north, but not that east is north.
+    is_other = "time" in meanings or "vertical" in meanings or any(meanings <= pair for pair in _HORIZONTAL)
+    differ = len(meanings) > 1 and is_other
+    if _OTHER.search(cell) or len(units) > 1 or differ:
         raise UnreadableRecord(f"the header names column {at} {shown(cell)}, but `columns` names it {name!r}")
     return at - 1, replace(column, unit=column.unit or says.unit)
 
