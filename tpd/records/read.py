@@ -217,7 +217,7 @@ def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[st
             (match[3][1] != "N", x.dt, match[2], match[3]) for match, x in ((one, record), (two, other))
         )
         if its_rank < rank:
-            return f"another sensor of the station; {other.source} counts"
+            return "another sensor of the station counts"
     # Most records have none of these notes, and count.
     marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
     if not marks or (record.event and other.event and not is_one(record.event, other.event)):
