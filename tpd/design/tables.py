@@ -320,7 +320,7 @@ def _plain_type(hint: Any) -> Any:
         # The limits of a text are a part of its type, and a `Key` is none.
         metas = [x for x in hint.__metadata__ if isinstance(x, Meta)]
         return Annotated[hint.__origin__, metas[0]] if metas else _plain_type(hint.__origin__)
-    if get_origin(hint) in (tuple, dict, Literal):
+    if get_origin(hint) in (tuple, Literal) or hint == dict[str, str]:
         return hint
     # Numbers that JAX may trace are annotated with `Any`.
     return {float: float, Any: float, int: _Whole, str: str, bool: bool}.get(hint)

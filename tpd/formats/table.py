@@ -76,7 +76,7 @@ _STEP = re.compile(
 _OTHER = re.compile(r"(?i)[(\[](?:m|cm|mm|in|ft)(?:/s)?[)\]]")
 """Pattern of a unit of displacement or velocity."""
 _SPECTRUM = re.compile(r"(?i)\b(?:periods?|freq\w*|p?s[adv]|hz|\w*spectr\w*)\b")
-_STATES = re.compile(r"(?i)\b(?:acc|time|units?\b|dt\b)|[(\[](?:%?g|mg|gal|c?m/s.*?)[)\]]")
+_STATES = re.compile(r"(?i)acc|time|unit|\bdt\b|[(\[](?:%?g|mg|gal|c?m/s.*?)[)\]]")
 """Pattern of a header that states a motion."""
 _LONGEST_STEP = 0.1
 """Longest step that is assumed to be in s if no unit is stated. A longer step may be in ms."""
@@ -331,7 +331,9 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
     elif not table.columns and table.width > 1:
         reason = f"line {table.rows[0][0]} has {table.width} numbers, but no line above names the columns"
     if reason:
-        raise UnreadableRecord(reason, **_example(table, how))
+        options = _example(table, how)
+        reason += ": skip it only if it does not change the numbers" if "skip" in options else ""
+        raise UnreadableRecord(reason, **options)
     return columns
 
 
