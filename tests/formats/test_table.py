@@ -119,7 +119,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_table_with_other_words_is_refused_with_the_columns_and_an_option_that_reads_it(name, tmp_path):
+def test_a_table_with_other_words_is_rejected_with_its_columns_and_an_option_that_reads_it(name, tmp_path):
     head, columns, part, option = REFUSED[name]
     text = made(head, columns)
     with pytest.raises(UnreadableRecord, match=part) as caught:

@@ -189,7 +189,7 @@ class Option:
         if any(part.get("type") == "object" for part in parts):
             # The names of files may contain the sign of equality.
             pairs = [text.rpartition("=") for text in values]
-            return {self.key: {name or text: event for name, _, event in pairs}}
+            return {self.key: {name or event: event for name, _, event in pairs}}
         is_text = any(part.get("items") == {"type": "string"} for part in parts)
         if not self.placeholders:
             value = self.value

@@ -296,8 +296,10 @@ def event_of(text: str) -> str:
     """
     for match in (m for pattern in _DATES for m in re.finditer(pattern, text, re.IGNORECASE)):
         year, month, day = int(match["y"]), match["m"].lower()[:3], int(match["d"])
+        # The month may be a word, and the year may have two digits.
         number = _MONTHS.index(month) + 1 if month in _MONTHS else int(month) if month.isdigit() else 0
         year += 0 if year > 99 else 1900 if year >= _EARLIEST_SHORT else 2000
+        # Other numbers, such as that of a record, are no date.
         if 1800 < year < 2100 and 1 <= number <= 12 and 1 <= day <= 31:
             name = " ".join(text[: match.start()].split()).rstrip(",")
             return f"{name} {year}-{number:02d}-{day:02d}".strip()

@@ -271,6 +271,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     code, notes = str(stats.channel).upper(), [UNSTATED]
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
     # CyberShake simulates velocities, and its files do not state it.
+    # All statements of the file about its contents count, wherever they are.
     contents = ["velocity" if getattr(stats, "_format", "") == "CYBERSHAKE" else None, _WORDS.get(code)]
     contents += [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
     contents += [_SEG_Y.get(getattr(header, "trace_value_measurement_unit", 0)) for header in seg_y]

@@ -173,8 +173,10 @@ class _Table:
             joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", others[0] if others else "")
             cells = joined.split() if len(others) == 1 < self.width else others
             columns = [_column(cell) for cell in cells]
+            # The line that names most columns is the line of names, and the line before it is none.
             if len(cells) == self.width and sum(map(bool, columns)) > sum(map(bool, named[2])):
                 named, (i, cells, _) = (i, cells, columns), named
+            # What is neither a statement nor the line of names is not understood.
             if cells:
                 self.unknown.append((i, " ".join(cells)))
         line, self.cells, self.columns = named
@@ -184,7 +186,8 @@ class _Table:
 
     def _understand(self, text: str) -> bool:
         """Return whether a text states the unit or the time step (s), as all texts before it."""
-        kind, value, match = "step", 0.0 or None, _STEP.fullmatch(text)
+        kind, value, match = "step", None, _STEP.fullmatch(text)
+        # Without a unit a short step is in s, and a long one is not understood.
         if match and (match[1] or match[3] or real(match[2]) <= _LONGEST_STEP):
             value = real(match[2]) * TIMES.get((match[1] or match[3] or "s").lower(), 0.0)
         elif match := _RATE.fullmatch(text):
@@ -210,6 +213,7 @@ def columns_in_words(columns: Mapping[str, np.ndarray]) -> list[str]:
     """Return a table of the smallest, largest and mean number of columns, and of what each of them can be."""
     rows, last = [["  column", "smallest", "largest", "mean", "step"]], ["it can be"]
     for name, x in columns.items():
+        # Times may be rounded, so that their steps differ a little.
         steps = np.diff(x) if len(x) > 1 else np.zeros(1)
         usual = float(np.median(steps))
         is_even = usual > 0.0 and float(np.ptp(steps)) <= 0.3 * usual
@@ -220,9 +224,11 @@ def columns_in_words(columns: Mapping[str, np.ndarray]) -> list[str]:
             "a total, a spectrum or another size without a sign": float(x.min()) >= 0.0,
             "a motion with an offset": abs(float(x.mean())) > 0.05 * float(np.abs(x).max()),
         }
+        # The first kind that holds is the most specific one.
         sizes = [in_digits(float(y)) for y in (x.min(), x.max(), x.mean())]
         rows.append([f"  {name}", *sizes, in_digits(usual) if is_even else ""])
         last.append(next((kind for kind, holds in kinds.items() if holds), "a motion"))
+    # The last column is a text, and `aligned` would align it to the right.
     width = max(len(line) for line in aligned(rows))
     return [f"{line:{width}}  {end}" for line, end in zip(aligned(rows), last, strict=True)]
 
@@ -321,7 +327,8 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
     """
     if isinstance(how.columns, Mapping):
         return dict(_chosen_column(table, name, at) for name, at in how.columns.items())
-    columns = dict(enumerate(filter(None, table.columns))) or {0: _Column("acceleration")}
+    # Without names all numbers are samples. Several columns without names are rejected below.
+    columns = [column for column in table.columns if column] or [_Column("acceleration")]
     if how.columns == ROWS:
         return {0: _Column("acceleration")}
     reason = _conflict(columns)
@@ -332,14 +339,15 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
         reason = f"line {table.rows[0][0]} has {table.width} numbers, but no line above names the columns"
     if reason:
         options = _example(table, how)
+        # A word such as "normalised" changes the meaning of the numbers.
         reason += ": skip it only if it does not change the numbers" if "skip" in options else ""
         raise UnreadableRecord(reason, **options)
-    return columns
+    return dict(enumerate(columns))
 
 
-def _conflict(columns: Mapping[int, _Column]) -> str:
+def _conflict(columns: Sequence[_Column]) -> str:
     """Return words for why columns are not a time and the directions of one sensor."""
-    meanings = [column.meaning for column in columns.values()]
+    meanings = [column.meaning for column in columns]
     motions = [meaning for meaning in meanings if meaning != "time"]
     level = {*motions} - {"vertical"}
     is_sensor = len({*motions}) == len(motions) and any(level <= pair for pair in _HORIZONTAL)
@@ -351,21 +359,22 @@ def _conflict(columns: Mapping[int, _Column]) -> str:
 def _example(table: _Table, how: Options) -> dict[str, Any]:
     """Return options that can read a table, with places to fill in."""
     options, at = dict[str, Any](), table.unknown[-1][0] if table.unknown else 0
-    cells, columns = table.cells, table.columns
+    names = [cell if column else "" for cell, column in zip(table.cells, table.columns, strict=True)]
     # If the header below a line is understood, it is enough to skip this line and all lines above it.
     table.state([row for row in table.head if row[0] > at])
-    known = dict(enumerate(filter(None, table.columns))) or {0: _Column("acceleration")}
-    if at and not table.unknown and not _conflict(known) and (table.columns or table.width == 1):
-        options["skip"], columns = at, table.columns
+    columns = [column for column in table.columns if column] or [_Column("acceleration")]
+    if at and not table.unknown and len(columns) == table.width and not _conflict(columns):
+        options["skip"] = at
     else:
-        names = [cell if column else "" for cell, column in zip(cells, columns, strict=True)]
+        # A name that is not understood could mislead, so a place to fill in replaces it.
         names = names or [""] * table.width
         options["columns"] = {name or f"NAME{k} (UNIT)": k for k, name in enumerate(names, 1)}
-    given = [c for c in columns if c]
-    if all(columns) and table.width - len(columns) < 2:
-        if not (how.unit or "unit" in table.stated or any(c.unit and c.meaning != "time" for c in given)):
+        columns = [column for name in names if (column := _column(name))]
+    if len(columns) == table.width:
+        # Only what neither the header nor the user states is missing.
+        if not (how.unit or "unit" in table.stated or any(c.unit and c.meaning != "time" for c in columns)):
             options["unit"] = "UNIT"
-        if not (how.dt or "step" in table.stated or any(c.meaning == "time" for c in given)):
+        if not (how.dt or "step" in table.stated or any(c.meaning == "time" for c in columns)):
             options["dt"] = "STEP"
     return options
 
@@ -377,6 +386,7 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
         raise ValueError(f"`columns` must contain {allowed}, but has {shown(name)}")
     cell, says = next(iter(zip(table.cells[at - 1 :], table.columns[at - 1 :], strict=True)), ("", None))
     says = says or column
+    # An acceleration without a direction agrees with any direction.
     units = {_SCALES[unit] for unit in (column.unit, says.unit) if unit}
     meanings = {column.meaning, says.meaning} - {"acceleration"}
     # A user may know that x is north, but not that east is north.
@@ -407,6 +417,7 @@ def _channels(
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
     channels = []
     for i, column in motions.items():
+        # A unit above the table and a unit of a column must be the same.
         units = [unit for unit in (column.unit, table.stated.get("unit")) if unit]
         if len({FACTORS[unit] for unit in units}) > 1:
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
@@ -422,6 +433,7 @@ def _check_shape(rows: Sequence[_Row], step: float | None, width: int) -> None:
 
     The `width` is the least number of columns, or 0 if the samples continue row by row.
     """
+    # The first row may be a count with a step, so the usual length counts.
     full = max(width, mode(len(cells) for _, cells in rows[:9]))
     for k, (line, cells) in enumerate(rows if width else rows[:-1]):
         if len(cells) != full:
@@ -431,8 +443,8 @@ def _check_shape(rows: Sequence[_Row], step: float | None, width: int) -> None:
     decimals = 2 * sum("." in row[0] for _, row in rows) > len(rows)
     for k in (1, 0) if len(rows) > 3 and full == width == 1 else ():
         line, (cell, *_) = rows[k]
-        value, left = number(cell, line), len(rows) - k - 1
+        value, count = number(cell, line), len(rows) - k - 1
         # A whole number above decimals is not a sample.
-        if value in (left, left - 1, step) or (decimals and value and "." not in cell):
+        if value in (count, count - 1, step) or (decimals and value and "." not in cell):
             meaning = f"the step or the number of samples: columns={ROWS!r} reads it as a sample"
             raise UnreadableRecord(f"line {line} has {shown(cell)}, which can be {meaning}", skip=line)

@@ -21,6 +21,7 @@ def _parts(text: str) -> tuple[list[str], str, date | None]:
     match = _DATE.search(text)
     name = text[: match.start()] if match else text
     day = None
+    # A text such as 1999-99-99 is no date.
     if match and match[2]:
         try:
             day = date.fromisoformat(match[0].strip())
@@ -45,4 +46,5 @@ def is_one(first: str, second: str) -> bool:
     (words, year, day), (others, other_year, other_day) = _parts(first), _parts(second)
     if day and other_day:
         return abs(day - other_day) <= timedelta(days=1)
+    # A name without a year can be that of any year.
     return words == others != [] and (not (year and other_year) or year == other_year)
