@@ -224,7 +224,7 @@ def contents(file: Path, how: Options) -> list[str]:
         if how.columns is not None or how.skip or not _reader_of(cursor):
             return overview(cursor.lines, how.skip)
     names = ((f"{i} {c.component}".strip(), c.acceleration) for i, c in enumerate(channels(file, how)))
-    return columns_in_words(dict(names))
+    return ["  channels in m/s^2:", *columns_in_words(dict(names))]
 
 
 def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
