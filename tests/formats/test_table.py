@@ -187,6 +187,13 @@ def test_samples_row_by_row_are_read_only_on_request(tmp_path):
         read(tmp_path, f"200 0.01\n{rows}", dt=0.01, unit="g", columns="rows")
 
 
+@pytest.mark.parametrize("columns", ["rows", {"a (g)": 1}])
+def test_decimal_commas_in_one_column_are_reported(tmp_path, columns):
+    text = made("", times="").replace(".", ",")
+    with pytest.raises(UnreadableRecord, match=r"has '[-\d,]+', which may be one number with a decimal"):
+        read(tmp_path, text, dt=0.01, unit="g", columns=columns)
+
+
 FIRST_LINES = [
     "0.01",
     "200",
@@ -228,7 +235,6 @@ cut | t,a (g)\n0,0\n0.02,0.1 | must end with a line break
 thousands | t (s);a (mg)\n0.00;12\n0.01;1,219\n0.02;-3,456\n | 1,219.* may have a separator of thousands
 more thousands | t (s)\ta (mg)\n0.00\t12\n0.01\t1,219\n0.02\t-345\n | 1,219.* may have a separator
 thousands with a point | t (s);a (mg)\n0,00;12\n0,01;1.219\n0,02;-345\n | 1.219.* may have a separator
-a decimal comma | acc (g)\n0,1\n0,2\n0,3\n | which may be one number with a decimal comma
 two units | unit: gal\nt,a (g)\n0,0\n0.02,1\n | several units of acceleration: g, gal
 another step | dt = 0.01\nt,a (g)\n0,0\n0.02,1\n | stated step is 0.01 s, but the step of the times is 0.02 s
 """
@@ -279,9 +285,9 @@ CONTRADICTED = {
         "t (s),a (g)",
         "{:.2f}",
         {"columns": {"t": 1, "a": 7}},
-        "no line has numbers in the columns",
+        "no row of numbers in the columns",
     ),
-    "no line": ("t (s),a (g)", "{:.2f}", {"skip": 500}, "must separate numbers after line 500"),
+    "no line": ("t (s),a (g)", "{:.2f}", {"skip": 500}, "no row of numbers after line 500"),
 }
 
 
@@ -319,23 +325,18 @@ def test_a_file_of_an_agency_is_read_as_a_table_only_on_request(tmp_path):
     assert found(tmp_path, text, columns={"time (s)": 1, "N (m/s2)": 2}) == [NORTH]
 
 
-def test_a_time_of_day_is_rejected_by_name(tmp_path):
+def test_a_file_without_rows_of_numbers_is_shown(tmp_path):
     rows = (f"12:00:{0.01 * i:05.2f},{x:.5f}" for i, x in enumerate(FIRST))
     text = "\n".join(["UTC,a (g)", *rows]) + "\n"
-    with pytest.raises(UnreadableRecord, match="line 2 has a time of day"):
+    with pytest.raises(NoAcceleration, match="no row of numbers after line 0: commas") as caught:
         found(tmp_path, text)
+    assert str(caught.value).splitlines()[1:3] == ["  line 1    UTC,a (g)", "  line 2    12:00:00.00,0.00000"]
     assert found(tmp_path, text, columns={"a": 2}, dt=0.01, unit="g")[0][2] == 0.01
 
 
-def test_a_spectrum_or_a_table_of_results_states_no_acceleration(tmp_path):
-    for head, content in (
-        ("period (s),Sa (g)", "response spectrum"),
-        ("T (s),SA(5%) (g)", "response spectrum"),
-        ("f (Hz),A (g)", "response spectrum"),
-        ("case,tilt", ""),
-    ):
-        with pytest.raises(NoAcceleration) as caught:
-            found(tmp_path, made(head))
-        assert content in caught.value.content
+def test_a_table_without_a_motion_is_distinguished_from_a_damaged_record(tmp_path):
+    for text in (made("period (s),Sa (g)"), made("T (s),SA(5%) (g)"), made("case,tilt"), made("", times="")):
+        with pytest.raises(NoAcceleration):
+            found(tmp_path, text, unit="g")
     with pytest.raises(NoAcceleration, match="a motion is needed, but line 1 is 'Response spectrum'"):
         found(tmp_path, made("Response spectrum|T (s),a (g)"))

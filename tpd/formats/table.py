@@ -75,14 +75,10 @@ _STEP = re.compile(
 )
 _OTHER = re.compile(r"(?i)[(\[](?:m|cm|mm|in|ft)(?:/s)?[)\]]")
 """Pattern of a unit of displacement or velocity."""
-_SPECTRUM = re.compile(r"(?i)\b(?:periods?|freq\w*|p?s[adv]|hz|\w*spectr\w*)\b")
-_STATES = re.compile(r"(?i)acc|time|unit|\bdt\b|[(\[](?:%?g|mg|gal|c?m/s.*?)[)\]]")
-"""Pattern of a header that states a motion."""
 _LONGEST_STEP = 0.1
 """Longest step that is assumed to be in s if no unit is stated. A longer step may be in ms."""
 _MARK = re.compile(r"^(?:[#%!*]+|/+)\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
-_CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
 _DECIMAL = re.compile(r"[+-]?\d*(?:,\d+(?:[EeDd][+-]?\d{1,3})?)?")
 """Pattern of a number that may have a decimal comma."""
 _MOST_LINES = 12
@@ -206,7 +202,7 @@ def overview(lines: Sequence[str], skip: int = 0) -> list[str]:
     rows = [cells for _, line in table.rows if len(cells := table.split(line)) == table.width]
     columns = [[real(x) for x in cells if re.fullmatch(NUMBER, x)] for cells in zip(*rows, strict=True)]
     values = {str(k): np.array(x) for k, x in enumerate(columns, 1) if x}
-    return [f"  line {i:<4d} {line[:90]}" for i, line in top] + columns_in_words(values)
+    return [f"  line {i:<4d} {line[:90]}" for i, line in top] + (columns_in_words(values) if values else [])
 
 
 def columns_in_words(columns: Mapping[str, np.ndarray]) -> list[str]:
@@ -237,31 +233,21 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
     """Return the channels of a table.
 
     Raises:
-        NoAcceleration: no line above the numbers states a motion.
-        UnreadableRecord: the names of the columns are missing or not understood, the table contradicts
-            itself, a cell is not a number, or the times have unequal steps.
+        NoAcceleration: there are no numbers, the names of the columns are missing or not understood, or
+            there is no time step.
+        UnreadableRecord: the table contradicts itself or the options, a cell is not a number, or the times
+            have unequal steps.
     """
     # Columns are numbered from 1 for users.
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     table = _Table(cursor.lines, how.skip, used)
-    if not table.rows:
-        why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
-        why = f"no line has numbers in the columns {how.columns}" if used else why
-        clock = (f"line {i} has a time of day, {shown(x)}" for i, x in table.head if _CLOCK.match(x))
-        wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
-        raise NoAcceleration(wrong, "no motion")
     try:
-        rows = _rows(cursor, table, len(used) > 1 or len(table.columns) > 1)
-        return _channels(table, _columns(table, how), rows, how)
-    except UnreadableRecord as error:
-        above = " ".join(line for _, line in table.head)
-        if not how.columns and (_SPECTRUM.search(above) or not _STATES.search(above)):
-            # Numbers without a word may be anything.
-            content = "response spectrum" if _SPECTRUM.search(above) else ""
-            error = NoAcceleration(error.args[0], content, **error.options)
-        if error.options:
-            error.preview = (*overview(cursor.lines, how.skip), *_FILL_IN)
-        raise error from None
+        columns = _columns(table, how)
+    except NoAcceleration as error:
+        if error.options or not table.rows:
+            error.preview = (*overview(cursor.lines, how.skip), *(_FILL_IN if error.options else ()))
+        raise
+    return _channels(table, columns, _rows(cursor, table, len(table.columns or used) > 1), how)
 
 
 def _is_names(cells: Sequence[str]) -> bool:
@@ -323,14 +309,18 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
     """Return the columns that are read, by their index.
 
     Raises:
-        UnreadableRecord: the header does not name all columns, or `columns` contradicts it.
+        NoAcceleration: there are no rows, the header does not name all columns, or there is no time step.
     """
+    if not table.rows:
+        columns = f"in the columns {how.columns} " if how.columns else ""
+        wrong = f"the file has no known format and no row of numbers {columns}after line {how.skip}"
+        raise NoAcceleration(f"{wrong}: commas, semicolons, tabs or blanks must separate them", "no motion")
     if isinstance(how.columns, Mapping):
         return dict(_chosen_column(table, name, at) for name, at in how.columns.items())
-    # Without names all numbers are samples. Several columns without names are rejected below.
-    columns = [column for column in table.columns if column] or [_Column("acceleration")]
     if how.columns == ROWS:
         return {0: _Column("acceleration")}
+    # Without names all numbers are samples. Several columns without names are rejected below.
+    columns = [column for column in table.columns if column] or [_Column("acceleration")]
     reason = _conflict(columns)
     if table.unknown:
         line, part = table.unknown[-1]
@@ -341,7 +331,9 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
         options = _example(table, how)
         # A word such as "normalised" changes the meaning of the numbers.
         reason += ": skip it only if it does not change the numbers" if "skip" in options else ""
-        raise UnreadableRecord(reason, **options)
+        raise NoAcceleration(reason, **options)
+    if not (how.dt or "step" in table.stated or any(column.meaning == "time" for column in columns)):
+        raise NoAcceleration("the table states no times and no step: give `dt` in s, such as dt=0.01")
     return dict(enumerate(columns))
 
 
