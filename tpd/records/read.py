@@ -68,9 +68,6 @@ def read_motions(
             raise FileNotFoundError(f"`events` must name files and folders, but there is no {name}")
     named = {path_of(name).resolve(): event for name, event in (events or {}).items()}
 
-    def read_one(file: Path, **options: Any) -> list[Record]:
-        return [Record.read(file, channel=channel, **options)]
-
     for name in names:
         if not name.strip():
             raise ValueError("the name of a record must not be empty, but is ''")
@@ -84,10 +81,12 @@ def read_motions(
         files, others = _files_of(path)
         omitted += others
         for file in files:
-            records, options, read_file = None, dict(how), Record.read_all if channel is None else read_one
+            records, options = None, dict(how)
             while records is None:
                 try:
-                    records = read_file(file, **options)
+                    records = Record.read_all(file, **options)
+                    if channel is not None:
+                        records = [Record.read(file, channel=channel, **options)]
                 # A file that the user names must be a motion and agree with all options. In a folder a file
                 # without a motion is left out, and an option does not apply to a file that states its own.
                 except StatedByFile as error:
