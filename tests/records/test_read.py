@@ -338,7 +338,7 @@ def test_records_made_in_python_are_grouped_by_earthquake():
     assert len(set(events_of(found))) == 3
     (said,) = same_earthquakes(found)
     one = "Elsewhere 2023-02-06 = Nowhere 2023-02-06 = Nowhere 2023-02-07"
-    assert said == f"note: these count as one earthquake by their dates, names or samples: {one}"
+    assert said.startswith(f"note: these count as one earthquake by dates, names or samples: {one}; ")
     assert same_earthquakes(found[1:4]) == []
 
 

@@ -237,7 +237,8 @@ def same_earthquakes(motions: Sequence[GroundMotion]) -> list[str]:
     for record, name in zip(motions, events_of(motions), strict=True):
         texts.setdefault(name, set()).add(getattr(record, "event", "") or "an earthquake without a name")
     one = "; ".join(sorted(" = ".join(sorted(events)) for events in texts.values() if len(events) > 1))
-    return [f"note: these count as one earthquake by their dates, names or samples: {one}"] if one else []
+    advice = "`records.events` (--event FILE=NAME) can state others"
+    return [f"note: these count as one earthquake by dates, names or samples: {one}; {advice}"] if one else []
 
 
 def facts(motion: Record) -> dict[str, Any]:
