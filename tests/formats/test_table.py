@@ -55,6 +55,8 @@ READ = {
     "milliseconds": (made("Time [ms],a [m/s2]", times="{:.0f}", step=10), ""),
     "quotation marks": (made('"Time (s)","Acc (m/s2)"', times='"{:.2f}"'), ""),
     "decimal commas": (made("t (s);a (m/s2)", mark=";").replace(".", ","), ""),
+    "long names": (made("Time (s),North-South (m/s2),East-West (m/s2)", 2), "North-South East-West"),
+    "points": (made("time (s),Long. (m/s2),Trans. (m/s2)", 2), "Long. Trans."),
     "blanks before brackets": (made("Time (s)   Acceleration (m/s2)", mark=" "), ""),
 }
 
@@ -135,6 +137,11 @@ def test_a_table_with_other_words_is_rejected_with_its_columns_and_an_option_tha
     assert [row[2] for row in found(tmp_path, text, **how)] == [0.01] * len(
         [x for x in how.get("columns", "N") if x[:4] != "time"]
     )
+    # The example has no names that contradict each other.
+    advised = caught.value.options.get("columns", {})
+    if "are" in part:
+        assert all(name.startswith(("t", "NAME")) for name in advised)
+    assert ("skip" in caught.value.options) != bool(advised)
     if how == SKIP:
         assert caught.value.options == SKIP
 
@@ -303,6 +310,7 @@ def test_options_describe_a_table_with_an_unknown_header(tmp_path):
     how = {"columns": {"time": 1, "N (gal)": 2, "Z": 4}, "unit": "gal", "factor": 100.0}
     assert found(tmp_path, text, **how) == [NORTH, ("Z", 3.0, 0.01, True)]
     assert found(tmp_path, text, **(how | {"columns": {"E": 3}, "dt": 0.02})) == [("E", 2.0, 0.02, False)]
+    assert found(tmp_path, text, columns={"t": 1, "090 (m/s2)": 2}) == [("090", 1.0, 0.01, False)]
     assert [row[0] for row in found(tmp_path, text, unit="g", columns={"t": 1, "acc1": 2, "acc2": 3})] == [
         "column 2",
         "column 3",

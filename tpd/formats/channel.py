@@ -271,7 +271,7 @@ def orientation(text: str) -> bool | None:
 
 def is_component(word: str) -> bool:
     """Return whether a word is the name of a component."""
-    directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{1,3}}(?:deg|°)"
+    directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{3}}|\d{{1,3}}(?:deg|°)"
     return re.fullmatch(directions, word.strip().lower()) is not None
 
 

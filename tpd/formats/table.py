@@ -48,11 +48,11 @@ ROWS = "rows"
 NAMES = {
     "time": "t time",
     "acceleration": "a acc accel acceleration",
-    "north": "n north ns sn s south",
-    "east": "e east ew we w west",
+    "north": "n north ns sn s south northsouth",
+    "east": "e east ew we w west eastwest",
     "longitudinal": "l long longitudinal",
     "transverse": "tran trans transverse",
-    "vertical": "z v u ud up ver vert vertical",
+    "vertical": "z v u ud up ver vert vertical updown",
     "x": "x",
     "y": "y",
 }
@@ -295,7 +295,7 @@ def _column(cell: str, *, is_stated: bool = False) -> _Column | None:
     if (match := _CELL.fullmatch(cell.strip())) is None:
         return None
     name, unit = match[1], None if match[2] is None else unit_spelling(match[2])
-    word = re.sub(r"[\s_-]+", "", name.lower())
+    word = re.sub(r"[\s_.-]+", "", name.lower())
     meaning = "transverse" if name == "T" else _MEANINGS.get(word, "")
     if is_stated and not meaning:
         meaning = name if is_component(name) else "acceleration" * bool(re.fullmatch(r"acc\d+", word))
@@ -350,25 +350,29 @@ def _conflict(columns: Sequence[_Column]) -> str:
 
 def _example(table: _Table, how: Options) -> dict[str, Any]:
     """Return options that can read a table, with places to fill in."""
-    options, at = dict[str, Any](), table.unknown[-1][0] if table.unknown else 0
-    names = [cell if column else "" for cell, column in zip(table.cells, table.columns, strict=True)]
+    at, named = (
+        table.unknown[-1][0] if table.unknown else 0,
+        list(zip(table.cells, table.columns, strict=True)),
+    )
+    unit, is_known = how.unit or table.stated.get("unit"), bool(table.unknown)
     # If the header below a line is understood, it is enough to skip this line and all lines above it.
     table.state([row for row in table.head if row[0] > at])
     columns = [column for column in table.columns if column] or [_Column("acceleration")]
     if at and not table.unknown and len(columns) == table.width and not _conflict(columns):
-        options["skip"] = at
-    else:
-        # A name that is not understood could mislead, so a place to fill in replaces it.
-        names = names or [""] * table.width
-        options["columns"] = {name or f"NAME{k} (UNIT)": k for k, name in enumerate(names, 1)}
-        columns = [column for name in names if (column := _column(name))]
-    if len(columns) == table.width:
-        # Only what neither the header nor the user states is missing.
+        options: dict[str, Any] = {"skip": at}
         if not (how.unit or "unit" in table.stated or any(c.unit and c.meaning != "time" for c in columns)):
             options["unit"] = "UNIT"
-        if not (how.dt or "step" in table.stated or any(c.meaning == "time" for c in columns)):
-            options["dt"] = "STEP"
-    return options
+    else:
+        # A place to fill in replaces a name that is not understood, or that contradicts the other names.
+        columns, names = [column for _, column in named if column], dict[str, int]()
+        for k, (cell, column) in enumerate(named or [("", None)] * table.width, 1):
+            is_time = bool(column and column.meaning == "time")
+            name = cell if column and (at or is_time) else f"NAME{k}"
+            has_unit = name == cell and (is_time or unit or (column and column.unit))
+            names[name if has_unit else f"{name} (UNIT)"] = k
+        options = {"columns": names}
+    has_step = how.dt or "step" in table.stated or any(column.meaning == "time" for column in columns)
+    return options if has_step or len(columns) < table.width else options | {"dt": "STEP"}
 
 
 def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
