@@ -350,11 +350,8 @@ def _conflict(columns: Sequence[_Column]) -> str:
 
 def _example(table: _Table, how: Options) -> dict[str, Any]:
     """Return options that can read a table, with places to fill in."""
-    at, named = (
-        table.unknown[-1][0] if table.unknown else 0,
-        list(zip(table.cells, table.columns, strict=True)),
-    )
-    unit, is_known = how.unit or table.stated.get("unit"), bool(table.unknown)
+    at, named = table.unknown[-1][0] if table.unknown else 0, [*zip(table.cells, table.columns, strict=True)]
+    unit = how.unit or table.stated.get("unit")
     # If the header below a line is understood, it is enough to skip this line and all lines above it.
     table.state([row for row in table.head if row[0] > at])
     columns = [column for column in table.columns if column] or [_Column("acceleration")]
