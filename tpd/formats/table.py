@@ -149,9 +149,11 @@ class _Table:
         self.split: Callable[[str], list[str]] = splitter(lines[skip:])
         printed = [(i, line.strip()) for i, line in enumerate(lines, 1) if i > skip and line.strip()]
         cells = [self.split(line) for _, line in printed]
-        # A line of numbers above a line of names, such as the numbers of the columns, belongs to the header.
-        pairs = enumerate(zip(cells, [*cells[1:], []], strict=False))
-        first = next((k for k, (a, b) in pairs if _is_row(a, used) and not _is_names(b)), len(printed))
+        # A line of numbers above one without numbers, such as the numbers of the columns above their names, is
+        # a part of the header.
+        has_number = [any(re.fullmatch(NUMBER, cell) for cell in row) for row in cells[1:]] + [True]
+        pairs = zip(cells, has_number, strict=False)
+        first = next((k for k, (row, x) in enumerate(pairs) if x and _is_row(row, used)), len(printed))
         self.head, self.rows = printed[:first], printed[first:]
         # The first row may be damaged.
         self.width = mode(map(len, cells[first : first + 9])) if self.rows else 0
@@ -248,11 +250,6 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
             error.preview = (*overview(cursor.lines, how.skip), *(_FILL_IN if error.options else ()))
         raise
     return _channels(table, columns, _rows(cursor, table, len(table.columns or used) > 1), how)
-
-
-def _is_names(cells: Sequence[str]) -> bool:
-    """Return whether cells are names of columns, of which at least one is understood."""
-    return any(map(_column, cells)) and not any(re.fullmatch(NUMBER, cell) for cell in cells)
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
