@@ -149,8 +149,8 @@ class _Table:
         self.split: Callable[[str], list[str]] = splitter(lines[skip:])
         printed = [(i, line.strip()) for i, line in enumerate(lines, 1) if i > skip and line.strip()]
         cells = [self.split(line) for _, line in printed]
-        # A line of numbers above one without numbers, such as the numbers of the columns above their names, is
-        # a part of the header.
+        # A line of numbers above a line without them, such as the numbers of the columns above their names,
+        # belongs to the header.
         has_number = [any(re.fullmatch(NUMBER, cell) for cell in row) for row in cells[1:]] + [True]
         pairs = zip(cells, has_number, strict=False)
         first = next((k for k, (row, x) in enumerate(pairs) if x and _is_row(row, used)), len(printed))
