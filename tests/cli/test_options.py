@@ -49,8 +49,8 @@ excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', vali
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
 excitation={records=['a.txt', 'b.txt'], scales=[1], baseline='mean'}
 --records a.txt b.txt --scales 1 --baseline mean
-excitation={records=['a.txt', 'b'], scales=[1]}; records.events={'a.txt'='A 1940', 'b'='2'}
---records a.txt b --scales 1 --event 'a.txt=A 1940' b=2
+excitation={records=['a=1.txt', 'b'], scales=[1]}; records.events={'a=1.txt'='A 1940', 'b'='2'}
+--records a=1.txt b --scales 1 --event 'a=1.txt=A 1940' b=2
 excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
 --records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
 excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, factor=10}
