@@ -204,7 +204,7 @@ def test_decimal_commas_in_one_column_are_reported(tmp_path, columns):
 def test_a_count_above_whole_samples_is_not_read_as_a_sample(tmp_path):
     samples = "".join(f"{round(1e4 * a)}\n" for a in FIRST)
     for first in ("200\n", "200\n5\n"):
-        with pytest.raises(UnreadableRecord, match="line 1 has '200', which can be the step or the number of"):
+        with pytest.raises(UnreadableRecord, match="line 1 has '200', which can be the step or the number"):
             read(tmp_path, first + samples, dt=0.005, unit="mg")
 
 
