@@ -172,12 +172,13 @@ class NoisyProblem(Problem):
         return []
 
 
-def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
-    """A record of filtered noise under an envelope, its peak 1 m/s^2."""
+def noise(seed: int, event: str | None = None, n: int = 300) -> tpd.Record:
+    """A record of filtered noise under an envelope, its peak 1 m/s^2, of an earthquake of its own."""
     rng = np.random.default_rng(seed)
     t = np.arange(n) * 0.02
     white = np.convolve(rng.standard_normal(n + 30), np.hanning(31), "valid")[:n]
     a = white * np.sin(np.pi * t / t[-1]) ** 2
+    event = f"noise {seed}" if event is None else event
     return tpd.Record(a / np.max(np.abs(a)), 0.02, name=f"noise {seed}", event=event)
 
 

@@ -34,6 +34,7 @@ NOTES = {
     "project": "Words for titles.",
     "block": "The structure. [What to measure](measuring.md) explains how to find the values.",
     "excitation": "The motion of the base. [Which excitation?](excitation.md) explains the choice.",
+    "records": "Facts about [records](records.md) that their files do not state.",
     "hazard": "The seismic hazard of the site, from which annual rates of overturning follow.",
     "bob": "The bob as built. [Cavity, hinge and top](cavity.md) explains the choice.",
     "site": "Place of the structure.",

@@ -26,7 +26,8 @@ def noise(seed: int, n: int = 400) -> tpd.Record:
     rng = np.random.default_rng(seed)
     t = np.arange(n) * 0.02
     white = np.convolve(rng.standard_normal(n + 20), np.hanning(9), "valid")[:n]
-    return tpd.Record(white[: len(t)] * np.sin(np.pi * t / t[-1]) ** 2, 0.02, name=f"noise {seed}")
+    samples, name = white[: len(t)] * np.sin(np.pi * t / t[-1]) ** 2, f"noise {seed}"
+    return tpd.Record(samples, 0.02, name=name, event=name)
 
 
 RECORDS = [noise(seed) for seed in range(12)]

@@ -36,7 +36,7 @@ def by_records(cluster: Where, shift: float = 0.0, motions: int = 22) -> np.ndar
     shape = np.minimum(t / 4.0, 1.0) * np.exp(-np.maximum(t - 12.0, 0.0) / 8.0)
     smooth = np.exp(-np.arange(0.0, 1.0, 0.01) / 0.08)
     noise = [np.convolve(rng.normal(size=t.size), smooth)[: t.size] * shape for _ in range(motions)]
-    records = [tpd.Record(0.1 * x, 0.01, name=f"noise {i}") for i, x in enumerate(noise)]
+    records = [tpd.Record(0.1 * x, 0.01, name=f"noise {i}", event=f"noise {i}") for i, x in enumerate(noise)]
     stripes = np.linspace(0.5, 4.0 + shift, 40)
     found = tpd.fragility(BLOCK, records, scales=stripes, pendulum=BOB, cluster=cluster)
     return np.stack([x for x in found.tilts if x is not None])

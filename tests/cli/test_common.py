@@ -161,7 +161,7 @@ check BOB --sliding 0.5 | unrecognized arguments: --sliding; it is now called `-
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
 shake SIZE --record el-centro --dt 0.5 | `excitation.dt` requires a file of a record
-fragility --records el-centro loma-prieta --event a | `excitation.event` requires a fi
+fragility --records el-centro loma-prieta --event a=b | `records.events` requires a fi
 spectrum --record el-centro --sizes-to 5 | --sizes-to has an effect on the spectrum of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: a spectrum has pulses of all freq

@@ -188,7 +188,7 @@ UNITS = re.compile(
 @pytest.mark.parametrize("command", grammar.COMMANDS)
 def test_the_help_states_the_unit_of_every_number(command):
     commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
-    words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT"]
+    words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT", "FILE=NAME"]
     for action in commands[command]._actions:
         # An option without a placeholder accepts one of a few words.
         if action.nargs != 0 and action.metavar is not None and action.metavar not in words:

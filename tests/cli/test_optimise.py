@@ -184,7 +184,7 @@ def test_report_and_json_describe_every_record(on_records):
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
     content = first.json("design.json")["reading"]
     assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
-    expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
+    expected = {"quake.csv": facts(quake), "loma-prieta": facts(quakes)}
     assert {r.pop("group") for r in content["records"]} == {"search records", "validation records"}
     assert {r["source"]: r for r in content["records"]} == expected
     assert any("records state no orientation" in note for note in content["notes"])

@@ -47,8 +47,10 @@ excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
 excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
-excitation={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='mean'}
---records a.txt b.txt --scales 1 --event 1940 B --baseline mean
+excitation={records=['a.txt', 'b.txt'], scales=[1], baseline='mean'}
+--records a.txt b.txt --scales 1 --baseline mean
+excitation={records=['a=1.txt', 'b'], scales=[1]}; records.events={'a=1.txt'='A 1940', 'b'='2'}
+--records a=1.txt b --scales 1 --event 'a=1.txt=A 1940' b=2
 excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
 --records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
 excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, factor=10}

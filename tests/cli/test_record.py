@@ -34,7 +34,15 @@ def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypat
     done = call("record", table("m/s2"))
     assert (done.status, done.err) == (0, "")
     lines = done.out.splitlines()
-    assert len(lines) <= 15
+    # The file is shown as the message on a table that is not understood shows it.
+    assert lines[6:9] == [
+        "contents of the file:",
+        "  line 1    time (s),N (m/s2)",
+        "  line 2    0.00,0.000000",
+    ]
+    assert lines[9].split()[:5] == ["column", "smallest", "largest", "mean", "step"]
+    assert lines[10].split()[:5] == ["1", "0", "2", "1", "0.01"]
+    assert len(lines) == 12
     assert lines[0].startswith("record: quake.csv, 201 samples of 0.01 s, 2 s long, PGA 0.3059 g")
     assert "0.3059 g = 3 m/s^2" in lines[1]
     # The velocity begins at zero, so that its peak is twice the amplitude. The base ends at a displacement.
@@ -88,8 +96,23 @@ def test_a_folder_has_a_line_for_each_record_and_lists_files_without_motion(tmp_
 def test_invalid_record_input_is_rejected_in_one_sentence(words, message, tmp_path):
     done = call("record", words, out=tmp_path / "out")
     assert (done.status, done.out, done.files) == (2, "", {})
-    assert message in done.err
-    assert len(done.err.splitlines()) == 1
+    sentence, *preview = done.err.splitlines()
+    assert message in sentence
+    # The first lines of a text may follow the sentence.
+    assert all(line.startswith("  line ") for line in preview)
+
+
+def test_the_channels_of_a_file_of_an_agency_are_shown_and_those_of_a_rejected_table(tmp_path):
+    done = call("record", str(DATA / "coalinga_1983_cut.V2"))
+    shown = done.out.partition("contents of the file:\n")[2].splitlines()
+    assert shown[0] == "  channels in m/s^2:"
+    assert [line.split()[:2] for line in shown[2:]] == [["0", "90"], ["1", "UP"], ["2", "0"]]
+    (tmp_path / "a.csv").write_text("time,aT (g)\n0.00,0.1\n0.01,0.2\n0.02,0.1\n")
+    done = call("record", str(tmp_path / "a.csv"))
+    assert (done.status, done.out) == (2, "")
+    sentence, *shown = done.err.splitlines()
+    assert sentence.endswith("; try these options: --columns time=1 'NAME2 (UNIT)=2'")
+    assert shown[:2] == ["  line 1    time,aT (g)", "  line 2    0.00,0.1"]
 
 
 def test_a_file_name_with_dollar_signs_can_be_a_plot_title(table, tmp_path):

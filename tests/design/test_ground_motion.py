@@ -49,7 +49,7 @@ def test_search_and_validation_records_share_no_earthquake():
 
 
 def test_an_earthquake_has_one_number_in_all_groups():
-    """Copies of one record, scaled, are one earthquake, though none has a name."""
+    """Copies of one record, scaled, are one earthquake."""
     tuned, a, b, c = (noise(i) for i in range(4))
     groups = grouped([tuned], {"x": [a, b], "y": [b.scaled(3.0), c]}, 0)
     assert groups[1].events[1] == groups[2].events[0]
@@ -315,10 +315,10 @@ def test_the_job_of_a_problem_contains_its_hazard():
     assert job.hazard == hazard
 
 
-@pytest.mark.parametrize("names", ["named", "nameless", "groups"])
+@pytest.mark.parametrize("names", ["pairs", "alone", "groups"])
 def test_the_design_does_not_depend_on_the_order_of_the_records(names):
     """Designs and numbers agree in every bit."""
-    motions = RECORDS[:12] if names != "nameless" else [noise(i) for i in range(12)]
+    motions = RECORDS[:12] if names != "alone" else [noise(i) for i in range(12)]
     order = np.random.default_rng(3).permutation(12)
     found = []
     for listed, scales in ((motions, (1.5, 3.0)), ([motions[i] for i in order], (3.0, 1.5))):

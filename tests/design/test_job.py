@@ -242,12 +242,14 @@ def test_paths_are_relative_to_the_job_file_and_written_as_absolute(tmp_path, mo
     (tmp_path / "there" / "quake" / "one.csv").write_text("time (s),acc (g)\n" + text)
     motion = (
         "[excitation]\nrecords = ['quake', 'el-centro']\nscales = [2]\nvalidation_share = ['quake/one.csv']\n"
+        "[records]\nevents = { 'quake' = 'A \"1\"' }\n"
     )
     (tmp_path / "there" / "job.toml").write_text(motion)
     monkeypatch.chdir(tmp_path)
     job = jobs.job_of(jobs.read_tables(Path("there/job.toml")))
     assert job.tables["excitation"]["records"] == [str(tmp_path / "there" / "quake"), "el-centro"]
-    assert job.motions[0].event == "quake"
+    assert job.motions[0].event == 'A "1"'
+    assert job.tables["records"] == {"events": {str(tmp_path / "there" / "quake"): 'A "1"'}}
     # The job of a report finds its records wherever it lies.
     (tmp_path / "scene.toml").write_text(job.toml)
     assert jobs.job_of(jobs.read_tables(tmp_path / "scene.toml")) == job
@@ -386,15 +388,22 @@ def test_an_error_message_states_the_table_of_the_value(given, table):
     assert str(error.value).count("[") == 1 or "[0." in str(error.value)
 
 
-def test_a_record_table_without_units_is_rejected_with_the_options_that_help(tmp_path):
+def test_a_table_without_names_is_rejected_with_its_columns_and_options(tmp_path):
+    path, job = tmp_path / "a.csv", tmp_path / "job.toml"
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
-    (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
-    motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
-    with pytest.raises(ValueError, match=r"; try these options: --skip 1 --columns ") as error:
-        _ = jobs.job_of({"excitation": motion}).motions
-    assert "skip=" not in str(error.value)
-    how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "factor": 10.0}
-    north, east = jobs.job_of({"excitation": motion | how}).motions
+    path.write_text(f"time (ms),Nord x 10,Ost x 10\n{rows}")
+    job.write_text(f'[excitation]\nrecords = ["{path}"]\n')
+    with pytest.raises(ValueError, match="; try these options: --columns ") as error:
+        _ = jobs.Job.read(job).motions
+    sentence, *preview = str(error.value).splitlines()
+    # The words are those of a shell.
+    said = shlex.split(sentence.partition("try these options: ")[2])
+    assert said == ["--columns", "time (ms)=1", "NAME2 (UNIT)=2", "NAME3 (UNIT)=3"]
+    assert "columns=" not in sentence
+    assert preview[0] == "  line 1    time (ms),Nord x 10,Ost x 10"
+    filled = [x.replace("NAME2", "N").replace("NAME3", "E").replace("UNIT", "cm/s2") for x in said[1:]]
+    motion = {"records": [str(path)], "scales": [1.0]}
+    north, east = jobs.job_of({"excitation": motion | {"columns": filled, "factor": 10.0}}).motions
     assert (north.dt, north.name, east.name) == (0.01, "N", "E")
     assert 2.0 * north.pga == pytest.approx(east.pga, rel=1e-3)
     assert north.pga == pytest.approx(0.1 * np.max(np.abs(shaking(100).round(4))), rel=1e-12)
@@ -403,21 +412,6 @@ def test_a_record_table_without_units_is_rejected_with_the_options_that_help(tmp
             ValueError, match=r"`excitation.columns` \(--columns\) must be rows, or names with"
         ):
             _ = jobs.job_of({"excitation": motion | {"columns": wrong}}).motions
-
-
-def test_the_options_in_the_message_about_a_table_are_accepted(tmp_path):
-    """The message shows the numbers with all their digits, and its words are those of a shell."""
-    path = tmp_path / "a.csv"
-    rows = "".join(f"{0.01 * i:.2f},{np.sin(0.3 * i):.5f}\n" for i in range(100))
-    path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
-    job = tmp_path / "job.toml"
-    job.write_text(f'[excitation]\nrecords = ["{path}"]\n')
-    with pytest.raises(ValueError, match="try these options") as caught:
-        _ = jobs.Job.read(job).motions
-    said = str(caught.value).partition("try these options: ")[2]
-    assert shlex.split(said) == [
-        *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--factor", "1.2345678", "--unit", "cm/s2")
-    ]
 
 
 def test_a_stated_amplitude_factor_of_one_is_the_only_condition():

@@ -21,7 +21,7 @@ from tests.formats.synthetic import (
 )
 from tpd import Record
 from tpd.formats import channel
-from tpd.formats.channel import FACTORS, Channel, of_file, orientation, unit_spelling
+from tpd.formats.channel import FACTORS, Channel, orientation, unit_spelling
 from tpd.formats.text import Decimal, UnreadableRecord
 
 
@@ -49,22 +49,34 @@ def test_an_unknown_missing_or_contradictory_unit_is_rejected():
             ask()
 
 
-def test_directions_are_recognised_by_words_and_file_names():
-    up = "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"
-    for vertical, words, names in (
-        (True, up, "RSN1_AA-UP.AT2|XXX.UD2|STATION.HNZ.csv|MYG004UD.AT2|a.ud.gz"),
-        (False, "90 DEG|N-S|S16E|HNE|360|AccX|az 90|tran", "XXX.NS1|RSN1_AA090.AT2|S.HNE.csv|x_N.txt"),
-        (None, "column 3|accelerations|channel 12|", "setup.txt|brand.csv|quake.AT2"),
+def test_directions_are_recognised_by_words():
+    for vertical, words in (
+        (True, "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"),
+        (False, "90 DEG|N-S|S16E|HNE|360|AccX|az 90|tran"),
+        (None, "column 3|accelerations|channel 12|"),
     ):
         assert [word for word in words.split("|") if orientation(word) is not vertical] == []
-        assert [name for name in names.split("|") if of_file(name) is not vertical] == []
 
 
-def test_a_file_name_states_a_direction_only_at_the_place_of_a_component():
-    ordinary = "scaled_up.csv|made-up.txt|start up.csv|a_ver2.csv|cut_down.csv|GROUP.AT2|RIVER.AT2|CLOUD.AT2"
-    upward = "up.csv|STN.UP.csv|X01_up.csv|x.UP|RSN1_HECVER.AT2|TCU045-V.AT2|a_vertical.csv|A_UD.csv|b_z.txt"
-    assert [name for name in ordinary.split("|") if of_file(name) is not None] == []
-    assert [name for name in upward.split("|") if of_file(name) is not True] == []
+EVENTS = {
+    "Nowhere Valley-06, 10/15/1979": "Nowhere Valley-06 1979-10-15",
+    "NOWHERE VALLEY 10/15/79 2316": "NOWHERE VALLEY 1979-10-15",
+    "NOWHERE 19791015 231654": "NOWHERE 1979-10-15",
+    "1979/10/16 08:16:54": "1979-10-16",
+    "NOWHERE EARTHQUAKE OCTOBER 15, 1979 16:16 PDT": "NOWHERE EARTHQUAKE 1979-10-15",
+    "Nowhere Earthquake of Mon Oct 15, 1979": "Nowhere Earthquake 1979-10-15",
+    "1979 October 15         23:16:54 UT": "1979-10-15",
+    "1979  10  15    2316 Nowhere": "1979-10-15",
+    "Nowhere 99/99/1979": "Nowhere 99/99/1979",
+    "RSN 19999999": "RSN 19999999",
+    "A 1/2/33": "A 1933-01-02",
+    "A 1/2/32": "A 2032-01-02",
+}
+"""Earthquakes as agencies state them, and their names with dates."""
+
+
+def test_the_earthquake_of_a_header_is_its_name_and_date():
+    assert {text: channel.event_of(text) for text in EVENTS} == EVENTS
 
 
 def test_baselines_are_removed_on_request():

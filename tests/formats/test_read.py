@@ -66,14 +66,6 @@ def test_a_file_in_utf_16_is_read(tmp_path):
             read(tmp_path, wrong)
 
 
-def test_archives_are_rejected_with_their_kind(tmp_path):
-    for start, kind in ((b"PK\x03\x04", "zip"), (b"7z\xbc\xaf\x27\x1c", "7z"), (b"BZh9", "bzip2")):
-        with pytest.raises(UnreadableRecord, match=rf"archive or compressed \({kind}\): unpack it"):
-            read(tmp_path, start + b"\x00 rest", "a.dat")
-    with pytest.raises(UnreadableRecord, match=r"archive \(tar\): unpack it"):
-        read(tmp_path, bytes(257) + b"ustar" + bytes(100))
-
-
 class Trace:
     """A trace of ObsPy, as far as it is used."""
 
@@ -149,39 +141,38 @@ def saved(save, *words, **named) -> bytes:
 
 
 WAVE = np.linspace(0.0, 1.0, 20)
-SHEET, TABLE = "save the sheet as CSV", "save time in s and acceleration as a table of text"
+SHEET, OTHER, TABLE = (
+    "save the sheet as CSV",
+    "data of another program",
+    "save time in s and acceleration as a",
+)
 NO_TEXT = {
-    "a.xlsx": (zipped("[Content_Types].xml", "xl/workbook.xml"), "an Excel workbook (.xlsx)", SHEET),
-    "a.xlsb": (zipped("[Content_Types].xml", "xl/workbook.bin"), "an Excel workbook (.xlsx)", SHEET),
-    "a.ods": (
-        b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
-        "a spreadsheet (.ods)",
-        SHEET,
-    ),
-    "a.xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "an Excel workbook (.xls)", SHEET),
-    "a.docx": (zipped("[Content_Types].xml", "word/document.xml"), "an Office document", TABLE),
-    "a.npy": (saved(np.save, WAVE), "a NumPy array (.npy)", TABLE),
-    "a.npz": (saved(np.savez, x=WAVE), "a NumPy archive (.npz)", TABLE),
-    "packed.npz": (saved(np.savez_compressed, x=WAVE), "a NumPy archive (.npz)", TABLE),
-    "a.pkl": (pickle.dumps({"a": WAVE}), "a Python pickle", TABLE),
-    "v5.mat": (saved(scipy.io.savemat, {"acc": WAVE}), "a MATLAB file (.mat)", TABLE),
-    "v4.mat": (saved(scipy.io.savemat, {"acc": WAVE}, format="4"), "a MATLAB file (.mat)", TABLE),
-    "v7.3.mat": (
-        b"MATLAB 7.3 MAT-file, made up".ljust(512) + b"\x89HDF\r\n\x1a\n",
-        "a MATLAB file (.mat)",
-        TABLE,
-    ),
-    "a.h5": (b"\x89HDF\r\n\x1a\n" + bytes(99), "an HDF5 file", TABLE),
-    "a.nc": (b"CDF\x01" + bytes(99), "a NetCDF file", TABLE),
-    "a.parquet": (b"PAR1" + bytes(99) + b"PAR1", "a Parquet file", TABLE),
-    "a.feather": (b"ARROW1\x00\x00" + bytes(99), "an Arrow or Feather file", TABLE),
-    "a.db": (b"SQLite format 3\x00" + bytes(99), "an SQLite database", TABLE),
-    "a.rds": (gzip.compress(b"X\n\x00\x00\x00\x03" + bytes(99)), "an R data file", TABLE),
-    "a.pdf": (b"%PDF-1.7\n" + bytes(99), "a PDF document", TABLE),
-    "a.rtf": (rb"{\rtf1\ansi 0.0 0.1}", "a document in rich text", TABLE),
+    "a.xlsx": (zipped("[Content_Types].xml", "xl/workbook.xml"), "a workbook", SHEET),
+    "a.xlsb": (zipped("[Content_Types].xml", "xl/workbook.bin"), "a workbook", SHEET),
+    "a.ods": (b"PK\x03\x04" + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet", "a workbook", SHEET),
+    "a.xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "a workbook", SHEET),
+    "a.docx": (zipped("[Content_Types].xml", "word/document.xml"), "a document", TABLE),
+    "a.npy": (saved(np.save, WAVE), OTHER, TABLE),
+    "a.npz": (saved(np.savez, x=WAVE), OTHER, TABLE),
+    "packed.npz": (saved(np.savez_compressed, x=WAVE), OTHER, TABLE),
+    "a.pkl": (pickle.dumps({"a": WAVE}), OTHER, TABLE),
+    "v5.mat": (saved(scipy.io.savemat, {"acc": WAVE}), OTHER, TABLE),
+    "v4.mat": (saved(scipy.io.savemat, {"acc": WAVE}, format="4"), OTHER, TABLE),
+    "v7.3.mat": (b"MATLAB 7.3 MAT-file, made up".ljust(512) + b"\x89HDF\r\n\x1a\n", OTHER, TABLE),
+    "a.h5": (b"\x89HDF\r\n\x1a\n" + bytes(99), OTHER, TABLE),
+    "a.nc": (b"CDF\x01" + bytes(99), OTHER, TABLE),
+    "a.parquet": (b"PAR1" + bytes(99) + b"PAR1", OTHER, TABLE),
+    "a.feather": (b"ARROW1\x00\x00" + bytes(99), OTHER, TABLE),
+    "a.db": (b"SQLite format 3\x00" + bytes(99), OTHER, TABLE),
+    "a.rds": (gzip.compress(b"X\n\x00\x00\x00\x03" + bytes(99)), OTHER, TABLE),
+    "a.pdf": (b"%PDF-1.7\n" + bytes(99), "a document", TABLE),
+    "a.rtf": (rb"{\rtf1\ansi 0.0 0.1}", "a document", TABLE),
     "a.png": (b"\x89PNG\r\n\x1a\n" + bytes(99), "a picture", TABLE),
     "a.html": (b"\xef\xbb\xbf<!DOCTYPE html><html>0.0 0.1</html>", "a page of HTML or XML", TABLE),
-    "a.zip": (zipped("a.AT2", "b.AT2"), "an archive or compressed (zip)", "unpack it first"),
+    "a.zip": (zipped("a.AT2", "b.AT2"), "an archive or compressed", "unpack it first"),
+    "a.7z": (b"7z\xbc\xaf\x27\x1c\x00 rest", "an archive or compressed", "unpack it first"),
+    "a.bz2": (b"BZh9\x00 rest", "an archive or compressed", "unpack it first"),
+    "a.tar": (bytes(257) + b"ustar" + bytes(100), "an archive or compressed", "unpack it first"),
 }
 
 
@@ -223,28 +214,45 @@ def test_an_error_message_states_file_and_channel(tmp_path):
             reads(file)
 
 
-@pytest.mark.parametrize(
-    ("header", "message"),
-    [
-        ({"sac": {"idep": 6}}, "its header states displacement"),
-        ({"sac": {"idep": 7}}, "its header states velocity"),
-        ({"sac": {"idep": 50}}, "its header states volts"),
-        ({"sac": {"idep": 8, "iftype": 3}}, "its header states spectrum"),
-        ({"segy": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=6)}}, "velocity"),
-        ({"su": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=5)}}, "displacement"),
-        ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
-    ],
-)
-def test_a_waveform_header_without_acceleration_is_rejected(monkeypatch, header, message):
+HEADERS = {
+    "SAC displacement": ({"sac": {"idep": 6}}, "displacement"),
+    "SAC velocity": ({"sac": {"idep": 7}}, "velocity"),
+    "SAC volts": ({"sac": {"idep": 50}}, "volts"),
+    "SAC spectrum": ({"sac": {"idep": 8, "iftype": 3}}, "spectrum"),
+    "SEG-Y": ({"segy": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=6)}}, "velocity"),
+    "SU": ({"su": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=5)}}, "displacement"),
+    "CyberShake": ({"_format": "CYBERSHAKE", "channel": "MXE"}, "velocity"),
+    "a factor": ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
+    "pressure": ({"channel": "BDF"}, "pressure"),
+    "rotation": ({"channel": "HJE"}, "rotation"),
+    "temperature": ({"channel": "LKO"}, "temperature"),
+    "wind": ({"channel": "LWS"}, "wind"),
+    "geophone": ({"channel": "EPZ"}, "velocity"),
+    "another instrument": ({"channel": "HXN"}, "the instrument X of HXN"),
+    "a word": ({"channel": "VEL"}, "velocity"),
+    "acceleration": ({"channel": "HNE", "sac": {"idep": 8, "iftype": 1}, "calib": 1.0}, None),
+    "unknown": ({"channel": "", "sac": {"idep": 5}}, None),
+    "K-NET": ({"channel": "EW1"}, None),
+    "a name": ({"channel": "TRA"}, None),
+    "seismometer": ({"channel": "HHE"}, "samples count as accelerations"),
+    "low gain": ({"channel": "BLN"}, "samples count as accelerations"),
+}
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_only_a_waveform_of_an_acceleration_is_read(monkeypatch, name):
+    header, content = HEADERS[name]
     trace = Trace(np.array([0.0, 0.5]))
     vars(trace.stats).update(header)
-    with pytest.raises(UnreadableRecord, match=message):
-        read_as(monkeypatch, trace)
-    # An acceleration, or no statement, is read.
-    for sound in ({"sac": {"idep": 8, "iftype": 1}}, {"sac": {"idep": 5}}, {"calib": 1.0}):
-        trace = Trace(np.array([0.0, 0.5]))
-        vars(trace.stats).update(sound)
-        assert read_as(monkeypatch, trace)[0].peak == 0.5
+    if content is None or content.startswith("samples"):
+        (channel,) = read_as(monkeypatch, trace)
+        assert channel.peak == 0.5
+        assert any("count as accelerations" in note for note in channel.notes) == bool(content)
+        with pytest.raises(UnreadableRecord, match="states no unit"):
+            read_as(monkeypatch, trace, unit=None)
+    else:
+        with pytest.raises(UnreadableRecord, match=content):
+            read_as(monkeypatch, trace)
 
 
 def test_an_error_message_on_the_current_folder_states_its_path():

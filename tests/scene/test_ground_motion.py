@@ -97,7 +97,10 @@ def test_pulse_numbers_out_of_range_are_rejected(given, said):
 
 
 def test_scaled_copies_of_a_record_have_one_earthquake_number():
-    a, b, c = (Record(np.random.default_rng(i).standard_normal(50), 0.02, name=f"r{i}") for i in range(3))
+    a, b, c = (
+        Record(np.random.default_rng(i).standard_normal(50), 0.02, name=f"r{i}", event=f"e{i}")
+        for i in range(3)
+    )
     motions = [a, b, c, a.scaled(2.0), Pulse.ricker(acceleration=A, frequency=F)]
     numbers = earthquakes_of(motions)
     assert numbers[0] == numbers[3]

@@ -47,7 +47,7 @@ _SCALE = Option(
     also={"intensity": "scale"},
 )
 RECORD = (_RECORD, *READING, _SCALE)
-RECORDS = (*_options("excitation", "records scales intensity event"), *READING)
+RECORDS = (*_options("excitation", "records scales intensity"), Option("records", "events"), *READING)
 _NO_WALLS = "no walls around the bob: no limit on clearance"
 NO_WALLS = Option("limits", "clearance", "--no-walls", value=False, help=_NO_WALLS)
 DESIGN = (

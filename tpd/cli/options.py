@@ -122,8 +122,9 @@ def _parts(key: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _count(part: dict[str, Any]) -> int:
-    """Return the number of values that a schema allows: 1 unless it is an array, 0 for any number."""
-    return len(part.get("prefixItems", ())) if part.get("type") == "array" else 1
+    """Return the number of values that a schema allows: 0 for any number, as in a table."""
+    several = part.get("type") in ("array", "object")
+    return len(part.get("prefixItems", ())) if several else 1
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,10 @@ class Option:
             values: text after the option, or a list of texts.
         """
         parts = _parts(self.schema)
+        if any(part.get("type") == "object" for part in parts):
+            # The names of files may contain the sign of equality.
+            pairs = [text.rpartition("=") for text in values]
+            return {self.key: {name or event: event for name, _, event in pairs}}
         is_text = any(part.get("items") == {"type": "string"} for part in parts)
         if not self.placeholders:
             value = self.value

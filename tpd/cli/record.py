@@ -13,9 +13,11 @@ from tpd.cli import outputs
 from tpd.cli.options import set_keys, tables_of
 from tpd.cli.terminal import SOUND
 from tpd.core import files
+from tpd.core.files import path_of
 from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.formats.read import Options, contents
 from tpd.records.intensity import base_motion, peak_velocity, significant_times, spectral_acceleration
 from tpd.records.read import facts
 from tpd.scene.record import Record
@@ -50,13 +52,17 @@ def run(options: argparse.Namespace) -> int:
         files.claim(out, overwrite=options.overwrite)
     names = [row["source"] or row["name"] for row in rows]
     if len(rows) == 1:
-        lines = _lines(job.motions[0], rows[0])
+        lines = [*_lines(job.motions[0], rows[0])]
     else:
         notes = ["; ".join(note.partition(":")[0] for note in row["notes"]) for row in rows]
         cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
         # Notes are shortened to the text before the colon. The table in CSV has the whole notes.
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
+    # A file that is named alone is shown as the message on an unreadable file shows it.
+    file = path_of(options.records[0])
+    if len(options.records) == 1 and file.is_file():
+        lines += ["contents of the file:", *contents(file, Options(**job.reading))]
     print("\n".join([*job.messages, *lines]))
     if out is not None:
         table = files.as_csv(rows[0], (row.values() for row in rows))

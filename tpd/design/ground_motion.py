@@ -523,7 +523,8 @@ def grouped(
     if not inside:
         raise ValueError(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
-            "give more records, name their earthquakes, or give 0 to use all of them in the search"
+            "give more records, state their earthquakes by `records.events` (--event FILE=NAME), or give 0 "
+            "to use all of them in the search"
         )
     tuned = Group(_name(Role.tuned, inside), Role.tuned, inside, numbers[~is_outside])
     validation = Group(_name(Role.validation, outside), Role.validation, outside, numbers[is_outside])

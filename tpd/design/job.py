@@ -338,7 +338,7 @@ class Job(ABC):
         for word, name in zip(share, names, strict=True):
             # If two folders have the same name, their whole paths are the names of the groups.
             group = word if names.count(name) > 1 else name
-            groups[group], notes = self._records([word], None)
+            groups[group], notes = self._records([word])
             # The problem leaves out records of earthquakes that the search uses, without a message. Number
             # the earthquakes of both sides together to report these records here.
             events = events_of([*self.motions, *groups[group]])
@@ -349,18 +349,21 @@ class Job(ABC):
             messages += [f"validation, {group}: {line}" for line in notes]
         return groups, messages
 
-    def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
-        """Read records with the reading options of the job; messages use the keys of the job file."""
+    @property
+    def reading(self) -> dict[str, Any]:
+        """Options with which the files of records are read."""
         how = {name: x for name in READING if (x := self.full["excitation"][name]) is not None}
         # Columns are texts NAME=NUMBER in a job file, and a mapping in Python.
-        if "columns" in how:
-            how["columns"] = _columns_of(how["columns"])
+        return how | ({"columns": _columns_of(how["columns"])} if "columns" in how else {})
+
+    def _records(self, names: Sequence[str]) -> Any:
+        """Read records with the reading options of the job; messages use the keys of the job file."""
         try:
-            return read_motions(names, events=events, **how)
+            return read_motions(names, events=self.full["records"]["events"], **self.reading)
         except UnreadableRecord as error:
             flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
             more = "; try these options: " + " ".join(flags) if error.options else ""
-            raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
+            raise ValueError("\n".join([_in_words_of_jobs(error.args[0]) + more, *error.preview])) from None
         except ValueError as error:
             raise ValueError(_in_words_of_jobs(str(error))) from None
 
@@ -408,8 +411,7 @@ class Job(ABC):
         """Text of a job file that is read back as the same job."""
         lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
         for table, values in self.tables.items():
-            # TOML writes lists, strings and numbers like JSON.
-            lines += ["", f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
+            lines += ["", f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
         return "\n".join(lines) + "\n"
 
 
@@ -504,7 +506,7 @@ class RecordsJob(Job):
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
         keys = self.full["excitation"]
-        records, notes = self._records(keys["records"], keys["event"])
+        records, notes = self._records(keys["records"])
         if keys["pga"] is not None:
             with naming("excitation", pga_g="pga"):
                 records = [motion.scaled_to(pga_g=keys["pga"]) for motion in records]
@@ -714,7 +716,15 @@ def _listed(names: Sequence[str]) -> str:
 def _in_words_of_jobs(message: str) -> str:
     """Return a message about options of `tpd.Record.read` with the keys and command-line options of a job."""
     message = re.sub(r", such as (\w+)=", r", such as \1 = ", message)
+    message = message.replace("`events`", "`records.events` (--event)")
     return re.sub(rf"`({'|'.join(READING)})`", r"`excitation.\1` (--\1)", message)
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML, which writes lists, strings and numbers like JSON."""
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{json.dumps(name)} = {json.dumps(x)}' for name, x in value.items())} }}"
+    return json.dumps(value)
 
 
 def _words(value: Any) -> str:

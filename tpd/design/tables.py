@@ -208,9 +208,11 @@ class _Excitation(msgspec.Struct):
     ] = None
     """Share of the records, in whole earthquakes, that is kept for the validation, or files, folders and sets
     of other records for it (default 0.5)."""
-    event: Annotated[tuple[str, ...] | None, Key("NAME", _RECORDS, _FILE)] = None
-    """Names of the earthquakes, if the files do not state them: one name for all records, or one for each
-    record (default: each folder is one earthquake)."""
+
+
+class _Records(msgspec.Struct):
+    events: Annotated[dict[str, str] | None, Key("--event FILE=NAME", _RECORDS, _FILE)] = None
+    """Names of the earthquakes, by file or folder (default: what the files state, else one earthquake)."""
 
 
 class _Reading(msgspec.Struct):
@@ -318,7 +320,7 @@ def _plain_type(hint: Any) -> Any:
         # The limits of a text are a part of its type, and a `Key` is none.
         metas = [x for x in hint.__metadata__ if isinstance(x, Meta)]
         return Annotated[hint.__origin__, metas[0]] if metas else _plain_type(hint.__origin__)
-    if get_origin(hint) in (tuple, Literal):
+    if get_origin(hint) in (tuple, Literal) or hint == dict[str, str]:
         return hint
     # Numbers that JAX may trace are annotated with `Any`.
     return {float: float, Any: float, int: _Whole, str: str, bool: bool}.get(hint)
@@ -362,6 +364,7 @@ TABLES: dict[str, dict[str, Key]] = {
         **keys_of(_Excitation),
         **READING,
     },
+    "records": keys_of(_Records),
     "hazard": under(_SHAKEN, keys_of(Hazard)),
     "bob": keys_of(
         Bob, shape=Key("--bob WORD", need=_WALLS), density=Key(need=_WALLS), aspect=Key(need=_CYLINDER)
@@ -406,7 +409,7 @@ def required_keys(table: str, kind: str = "harmonic") -> list[str]:
 
 def with_absolute_paths(table: str, values: Any, folder: Path) -> Any:
     """Return the values of a table, with absolute paths of records."""
-    if table != "excitation" or not isinstance(values, Mapping):
+    if table not in ("excitation", "records") or not isinstance(values, Mapping):
         return values
 
     # An empty name would become the folder, and the reader rejects it.
@@ -414,8 +417,15 @@ def with_absolute_paths(table: str, values: Any, folder: Path) -> Any:
     for key in values.keys() & {"records", "validation_share"}:
         # Values of a wrong type are left as they are: their check comes later.
         if isinstance(x := values[key], (list, tuple)) and all(isinstance(name, str) for name in x):
-            out[key] = type(x)(n if n in kept else readable(str(folder.resolve() / path_of(n))) for n in x)
+            out[key] = type(x)(n if n in kept else _absolute(n, folder) for n in x)
+    if isinstance(events := values.get("events"), Mapping):
+        out["events"] = {_absolute(name, folder): event for name, event in events.items()}
     return out
+
+
+def _absolute(name: str, folder: Path) -> str:
+    """Return the path of a file, relative to a folder, as an absolute one."""
+    return readable(str(folder.resolve() / path_of(name)))
 
 
 def typed_tables(tables: Mapping[str, Any]) -> Tables:
@@ -458,6 +468,8 @@ def allowed(schema: Mapping[str, Any]) -> str:
         return " or ".join(map(allowed, schema["anyOf"]))
     if "enum" in schema:
         return f"one of {', '.join(schema['enum'])}"
+    if schema["type"] == "object":
+        return 'a table of texts, such as { "quakes/a.csv" = "Kobe 1995" }'
     if schema["type"] == "array":
         # A tuple of fixed length has one schema per element, and a list has one schema for all elements.
         pair = "prefixItems" in schema
@@ -497,8 +509,7 @@ def complete_tables(tables: Mapping[str, Any]) -> Tables:
     }
     full["excitation"]["kind"] = kind
     # Paths from the command line are relative to the working directory. Those of a file are absolute already.
-    full["excitation"] = with_absolute_paths("excitation", full["excitation"], Path())
-    return full
+    return {table: with_absolute_paths(table, values, Path()) for table, values in full.items()}
 
 
 def lacks(full: Tables, table: str, name: str) -> str:

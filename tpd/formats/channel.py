@@ -25,7 +25,7 @@ TIMES |= dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1
 VERTICAL = "vertical component"
 """Note on a vertical channel."""
 UNKNOWN = "orientation not stated: used as a horizontal component"
-"""Note on a channel if neither the file nor its name states the orientation."""
+"""Note on a channel if the content of the file does not state the orientation."""
 BOREHOLE = "instrument in a borehole, not at the surface"
 """Note on a channel of KiK-net, which has a second instrument at the surface."""
 UNCORRECTED = "uncorrected: it may contain a drift and the response of the instrument"
@@ -34,26 +34,15 @@ UNSTATED = "correction not stated: it may contain a drift and the response of th
 """Note on a channel in a format for uncorrected data, if the file does not state whether it is corrected."""
 RAW = UNCORRECTED, UNSTATED
 """Notes on channels whose mean is removed by default."""
-_VERTICAL = (
-    r"dwn|ud|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
-    r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直"
-)
-"""Names of vertical components, in many languages, that mean nothing else."""
-_UPRIGHT = rf"(?:up|down|dn|du|ver|{_VERTICAL}|z|v)[12]?"
+_UPRIGHT = r"(?:up|down|dn|du|dwn|ud|updown|upward|ver|vert|vertical|vrt|z|v)[12]?"
 """Names of vertical components."""
 _LEVEL = (
-    r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|"
-    r"[lt]|h[12]?|long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
+    r"(?:ns|sn|ew|we|north|south|east|west|[nsew]|[xy]|[lt]|h[12]?|long|longitudinal|tran|trans|transverse|"
+    r"transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
 )
 """Names of horizontal components."""
 _SEED = r"[a-z][hlgn]"
 """Band and instrument of a SEED code. Its third letter is the direction."""
-_AT_THE_END = (
-    rf"(?:^|[-_. ])(?:(?:{_VERTICAL}|z)[12]?|u-d|{_SEED}z)$"
-    r"|(?:^|\.)(?:up|down|dn|du|ver)$|\d[^-_. ]*[-_ ](?:up|down)$"
-)
-"""Names of vertical components that are recognised at the end of the name of a file. Words with another
-meaning, as in scaled_up, count only alone, after a point, or after a station with a number."""
 STEPS = (1e-5, 1.0)
 """Shortest and longest time step (s) of a record. A step beyond them is probably in another unit."""
 OFFSET = 0.005
@@ -133,15 +122,9 @@ def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
     return channel.with_notes(*notes)
 
 
-def note_direction(channel: Channel, named: bool | None = None) -> Channel:
-    """Return a channel with a note if it is vertical, or if its orientation is not stated.
-
-    Args:
-        channel: channel of a file.
-        named: orientation from the name of the file, which is used if the file itself does not state it.
-    """
+def note_direction(channel: Channel) -> Channel:
+    """Return a channel with a note if it is vertical, or if the file does not state its orientation."""
     vertical = orientation(channel.component)
-    vertical = named if vertical is None else vertical
     return channel.with_notes(*([UNKNOWN] if vertical is None else [VERTICAL] if vertical else []))
 
 
@@ -288,23 +271,36 @@ def orientation(text: str) -> bool | None:
 
 def is_component(word: str) -> bool:
     """Return whether a word is the name of a component."""
-    directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{1,3}}(?:deg|°)"
+    directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{3}}|\d{{1,3}}(?:deg|°)"
     return re.fullmatch(directions, word.strip().lower()) is not None
 
 
-def of_file(name: str) -> bool | None:
-    """Return whether the name of a file describes a vertical component; None if it does not show it.
+_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
+_DATES = (
+    r"(?P<y>\d{4})[-/\s]\s*(?P<m>\d{1,2}|[a-z]{3,9})[-/\s]\s*(?P<d>\d{1,2})(?!\d)",
+    r"(?<!\d)(?P<y>(?:19|20)\d\d)(?P<m>\d\d)(?P<d>\d\d)(?!\d)",
+    r"(?<!\d)(?P<m>\d{1,2})/(?P<d>\d{1,2})/(?P<y>\d{4}|\d\d)(?!\d)",
+    r"(?:of )?(?:\b[a-z]{3} )?\b(?P<m>[a-z]{3,9})\.? +(?P<d>\d{1,2}), *(?P<y>\d{4})(?!\d)",
+)
+"""Patterns of the dates in the headers of agencies."""
+_EARLIEST_SHORT = 33
+"""First year of the century to which years of two digits belong: 1933, the year of the first strong-motion
+record, to 2032."""
 
-    Examples are RSN1_AA-UP.AT2, XXX.UD2 and STATION.HNZ.csv. Words other than the last may be anything. PEER
-    also writes the direction without a separator: RSN1_MYG004UD.AT2, RSN1_HECVER.AT2.
+
+def event_of(text: str) -> str:
+    """Return the earthquake that a header states: the name before the date, and the date as 1979-10-15.
+
+    >>> event_of("NOWHERE VALLEY 10/15/79 2316")
+    'NOWHERE VALLEY 1979-10-15'
     """
-    stem, _, ending = name.lower().removesuffix(".gz").rpartition(".")
-    if re.fullmatch(r"(?:ud|up|ns|ew)[12]?", ending):
-        return ending.startswith("u")
-    before = "" if re.match(r"rsn\d", stem) else r"[-\d]"
-    in_peer = rf"(?:{before}(?:up|ud|dwn|vert|ver)|[-_\d]v|\dz)$"
-    if re.search(_AT_THE_END, stem) or (ending == "at2" and re.search(in_peer, stem)):
-        return True
-    level = r"(?:^|[-_. ])(?:ns|ew|n-s|e-w|north|east|n|e|x|y|[ns]\d\d[ew]|[a-z][hlgn][ne12])$"
-    digits = ending == "at2" and re.search(r"(?:\d{3}|[ns]\d\d[ew]|ns|ew|[-_][nelth][12]?)$", stem)
-    return False if digits or re.search(level, stem) else None
+    for match in (m for pattern in _DATES for m in re.finditer(pattern, text, re.IGNORECASE)):
+        year, month, day = int(match["y"]), match["m"].lower()[:3], int(match["d"])
+        # The month may be a word, and the year may have two digits.
+        number = _MONTHS.index(month) + 1 if month in _MONTHS else int(month) if month.isdigit() else 0
+        year += 0 if year > 99 else 1900 if year >= _EARLIEST_SHORT else 2000
+        # Other numbers, such as that of a record, are no date.
+        if 1800 < year < 2100 and 1 <= number <= 12 and 1 <= day <= 31:
+            name = " ".join(text[: match.start()].split()).rstrip(",")
+            return f"{name} {year}-{number:02d}-{day:02d}".strip()
+    return " ".join(text.split())

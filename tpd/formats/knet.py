@@ -85,7 +85,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     agree_on_peak(np.abs(gal), peak, "Max. Acc. (gal)", digit=peak.unit)
     notes = (UNCORRECTED, BOREHOLE) if head["Dir."] in _BOREHOLE else (UNCORRECTED,)
     component = (_BOREHOLE | _SURFACE).get(head["Dir."], head["Dir."])
-    name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} JST M{head['Mag.']}"
+    name, event = f"{head['Station Code']}/{component}", head["Origin Time"]
     return [Channel(values * factor_of(stated, unit), 1.0 / rate, component, name, event, notes)]
 
 
@@ -154,15 +154,15 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")
     agree((len(times) - 1) * dt, float(times[-1] - times[0]), "the length in s", 0.011)
-    event, station = _below(head, "OriginTime").split(","), _below(head, "Code").split(",")[0]
-    words, channels = f"{event[0]} JST M{event[-1]}" if len(event) > 1 else "", []
+    event, station = (_below(head, key).split(",")[0] for key in ("OriginTime", "Code"))
+    channels = []
     for name, column in zip(names, columns, strict=True):
         component, _, own = name.rstrip(")").partition("(")
         factor = factor_of(unit_of(own, cursor.at), unit)
         # KiK-net uses the number 1 for the instrument in the borehole, and 2 for that at the surface.
         is_deep = component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
         notes = (UNCORRECTED, BOREHOLE) if is_deep else (UNCORRECTED,)
-        channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words, notes))
+        channels.append(Channel(column * factor, dt, component, f"{station}/{component}", event, notes))
     return channels
 
 

@@ -31,7 +31,7 @@ _TITLE = re.compile(
 )
 """Pattern of the line with the quantity. The words "time history" alone also occur above other tables."""
 _NO_NAME = re.compile(
-    r"\b(?:scaled|normali[sz]ed|counts?|volts?|veloc\w+|displac\w+|(?:scale|factor)\W{0,3}\d[\d.]*"
+    r"\b(?:scaled|norm(?:ed|ali[sz]ed)|halved|doubled|amplified|counts?|volts?|veloc\w+|displac\w+|(?:scale|factor)\W{0,3}\d[\d.]*"
     r"|spectr\w+(?!.*(?:compatible|match)))\b|\(\s*(?:x|times|by|[*])\s*\d[\d.]*\s*\)",
     re.IGNORECASE,
 )

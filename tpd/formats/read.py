@@ -25,14 +25,14 @@ from tpd.formats.channel import (
     UNSTATED,
     Channel,
     check_channel,
+    event_of,
     factor_of,
     note_direction,
-    of_file,
     orientation,
     scale_channel,
 )
 from tpd.formats.table import Options as Options
-from tpd.formats.table import read_table
+from tpd.formats.table import columns_in_words, overview, read_table
 from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
 
 _MOST = 200_000_000
@@ -41,40 +41,23 @@ _GZIP = b"\x1f\x8b"
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Bytes that do not occur in a text. Old systems used 0x1a to end and to fill files."""
 
-_UNPACK = "unpack it first"
-_SHEET = "save the sheet as CSV"
 _TABLE = "save time in s and acceleration as a table of text, such as CSV"
 _SAVE = "save the acceleration as a table in m/s2"
 _MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
 """MATLAB 4 files contain no name of the format, only sizes and the name of the first array."""
+_WORKBOOK = rb"PK\x03\x04.*(?:xl/(?:workbook|worksheets)|opendocument\.spreadsheet)|\xd0\xcf\x11\xe0\xa1\xb1"
+_ARRAYS = rb"MATLAB \d\.\d MAT-file|\x93NUMPY|PK\x03\x04.*\.npy|\x89HDF\r\n|CDF[\x01\x02\x05]|PAR1.*PAR1$|"
+_ARRAYS += rb"ARROW1\x00|FEA1.*FEA1$|SQLite format 3\x00|RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]|"
+_ARRAYS += rb"\x80[\x02-\x05].*\.$|"
+_PACKED = rb"PK\x03\x04|PK\x05\x06|7z\xbc\xaf|Rar!\x1a\x07|BZh|\xfd7zXZ\x00|\x28\xb5\x2f\xfd|\x1f\x9d|"
+_PACKED += rb".{257}ustar"
 _NO_TEXT = (
-    (rb"PK\x03\x04.*xl/(?:workbook|worksheets)", "an Excel workbook (.xlsx)", _SHEET),
-    (rb"PK\x03\x04.*opendocument\.spreadsheet", "a spreadsheet (.ods)", _SHEET),
-    (rb"PK\x03\x04.*\[Content_Types\]", "an Office document (.docx, .pptx)", _TABLE),
-    (rb"PK\x03\x04.*\.npy", "a NumPy archive (.npz)", _TABLE),
-    (rb"PK\x03\x04", "an archive or compressed (zip)", _UNPACK),
-    (rb"PK\x05\x06", "an archive or compressed (zip, and empty)", _UNPACK),
-    (rb"7z\xbc\xaf\x27\x1c", "an archive or compressed (7z)", _UNPACK),
-    (rb"Rar!\x1a\x07", "an archive or compressed (rar)", _UNPACK),
-    (rb"BZh", "an archive or compressed (bzip2)", _UNPACK),
-    (rb"\xfd7zXZ\x00", "an archive or compressed (xz)", _UNPACK),
-    (rb"\x28\xb5\x2f\xfd", "an archive or compressed (zstd)", _UNPACK),
-    (rb"\x1f\x9d", "an archive or compressed (compress)", _UNPACK),
-    (rb".{257}ustar", "an archive (tar)", _UNPACK),
-    (rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook (.xls) or another old Office file", _SHEET),
-    (rb"MATLAB \d\.\d MAT-file|" + _MATLAB_4, "a MATLAB file (.mat)", _TABLE),
-    (rb"\x93NUMPY", "a NumPy array (.npy)", _TABLE),
-    (rb"\x89HDF\r\n\x1a\n", "an HDF5 file", _TABLE),
-    (rb"CDF[\x01\x02\x05]", "a NetCDF file", _TABLE),
-    (rb"\x80[\x02-\x05].*\.$", "a Python pickle", _TABLE),
-    (rb"PAR1.*PAR1$", "a Parquet file", _TABLE),
-    (rb"ARROW1\x00|FEA1.*FEA1$", "an Arrow or Feather file", _TABLE),
-    (rb"SQLite format 3\x00", "an SQLite database", _TABLE),
-    (rb"RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]", "an R data file (.RData, .rds)", _TABLE),
-    (rb"%PDF-", "a PDF document", _TABLE),
-    (rb"\{\\rtf", "a document in rich text (.rtf)", _TABLE),
+    (_WORKBOOK, "a workbook (.xlsx, .ods, .xls)", "save the sheet as CSV"),
+    (_ARRAYS + _MATLAB_4, "data of another program, such as NumPy, MATLAB, HDF5 or R", _TABLE),
+    (rb"PK\x03\x04.*\[Content_Types\]|%PDF-|\{\\rtf", "a document (.docx, .pdf, .rtf)", _TABLE),
     (rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a", "a picture", _TABLE),
     (rb"(?i:(?:\xef\xbb\xbf)?\s*<(?:\?xml|!doctype|html))", "a page of HTML or XML", _TABLE),
+    (_PACKED, "an archive or compressed (zip, 7z, rar, bzip2, xz, zstd, tar)", "unpack it first"),
 )
 """Patterns at the beginning of files that are not plain text, the kind of such a file, and the remedy."""
 _START = 100_000
@@ -91,6 +74,15 @@ _SAC = {
 """Contents of a SAC file other than an acceleration, by field of the header and by its value."""
 _SEG_Y = {1: "pressure", 2: "volts", 3: "volts", 4: "current", 5: "displacement", 6: "velocity", 8: "force"}
 """Contents of a SEG-Y file other than an acceleration, by the code of its unit."""
+_NO_SEED = r"(?:EW|UD|CH)\d|VER|VRT|LON|TRA|TRN|RAD|HOR|VEL|DIS"
+"""Pattern of names of channels that look like a SEED code."""
+_SEED = re.compile(rf"(?!{_NO_SEED})[BCDEFGHLMOPQRSTUVW]([A-Z])[A-Z0-9]")
+"""Pattern of a SEED code: rate, instrument and direction."""
+_INSTRUMENTS = {"H": "velocity", "L": "velocity", "P": "velocity", "D": "pressure", "J": "rotation"}
+_INSTRUMENTS |= {"A": "tilt", "K": "temperature", "W": "wind", "S": "strain", "F": "a magnetic field"}
+"""Contents of a channel by the second letter of its SEED code. N is an accelerometer."""
+_WORDS = {"VEL": "velocity", "DIS": "displacement", "DSP": "displacement"}
+"""Contents of a channel by its name."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -110,8 +102,6 @@ def channels(file: Path, how: Options) -> list[Channel]:
     channels, label = list[Channel](), label_of(file)
     try:
         read = _of_bytes(_content(file), how)
-        # The name of a file with several channels says nothing about a single channel.
-        named = of_file(file.name) if len(read) == 1 else None
         for i, channel in enumerate(read):
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
@@ -119,8 +109,8 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
                 wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
-            channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline), named)
-            channels.append(replace(channel, source=label))
+            channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline))
+            channels.append(replace(channel, source=label, event=event_of(channel.event)))
     except UnreadableRecord as error:
         error.args = (f"{label}: {error.args[0]}",)
         raise
@@ -194,6 +184,20 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     # A text contains no control characters, so a file with one is not a text or is damaged.
     if _BINARY.search(data):
         return read_waveforms(data, how.unit)
+    cursor = _lines_of(data)
+    # Options about columns state that the file is a table, whatever its words are.
+    if how.columns is not None or how.skip:
+        return read_table(cursor, how)
+    if _SPECTRA.match(cursor.peek()):
+        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
+    # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
+    # read as a table.
+    reader = _reader_of(cursor)
+    return reader(cursor, how.unit) if reader else read_table(cursor, how)
+
+
+def _lines_of(data: bytes) -> Cursor:
+    """Return the lines of a text."""
     text = data.rstrip(b"\x1a")
     try:
         decoded = text.decode("utf-8-sig")
@@ -203,21 +207,24 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     lines = re.split(r"\r\n|\n|\r", decoded)
     whole = lines[-1] == ""
     # If the byte 0x1a ends the file, its last line may have no line break.
-    cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
-    if "RENADIC" in " ".join(cursor.lines[:15]).upper():
-        remedy = "save time in s and acceleration as two columns, with a header that states the unit"
-        raise UnreadableRecord(f"the format of RENADIC (Chile) is not read: {remedy}")
-    if _SPECTRA.match(cursor.peek()):
-        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
-    # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
-    # read as a table.
-    for is_format, reader in _FORMATS:
-        if is_format(cursor.lines):
-            if how.columns is not None or how.skip:
-                own = f"the file is in the format of {reader.__module__.rpartition('.')[2].upper()}"
-                raise UnreadableRecord(f"`columns` and `skip` are allowed only for tables, but {own}")
-            return reader(cursor, how.unit)
-    return read_table(cursor, how)
+    return Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
+
+
+def _reader_of(cursor: Cursor) -> Reader | None:
+    """Return the reader of the format of a text; None for a table."""
+    return next((reader for is_format, reader in _FORMATS if is_format(cursor.lines)), None)
+
+
+def contents(file: Path, how: Options) -> list[str]:
+    """Return lines that show what a file contains: the first lines and the columns of a table, or the
+    channels of any other format, in m/s^2."""
+    data = _from_utf_16(_content(file))
+    if not _BINARY.search(data):
+        cursor = _lines_of(data)
+        if how.columns is not None or how.skip or not _reader_of(cursor):
+            return overview(cursor.lines, how.skip)
+    names = ((f"{i} {c.component}".strip(), c.acceleration) for i, c in enumerate(channels(file, how)))
+    return ["  channels in m/s^2:", *columns_in_words(dict(names))]
 
 
 def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
@@ -261,11 +268,21 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         remedy, content = f"remove its response with ObsPy and {_SAVE}", "counts of the instrument"
         raise NoAcceleration(f"{trace.id} contains {content}: {remedy}", content)
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
+    code, notes = str(stats.channel).upper(), [UNSTATED]
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
-    contents = [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
+    # CyberShake simulates velocities, and its files do not state it.
+    # All statements of the file about its contents count, wherever they are.
+    contents = ["velocity" if getattr(stats, "_format", "") == "CYBERSHAKE" else None, _WORDS.get(code)]
+    contents += [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
     contents += [_SEG_Y.get(getattr(header, "trace_value_measurement_unit", 0)) for header in seg_y]
+    if (seed := _SEED.fullmatch(code)) and seed[1] in "HL":
+        # An acceleration is the derivative of what a seismometer measures.
+        notes.append(f"the code {code} is that of a seismometer: its samples count as accelerations")
+    elif seed and seed[1] != "N":
+        contents.append(_INSTRUMENTS.get(seed[1], f"the instrument {seed[1]} of {code}"))
     if content := next(filter(None, contents), ""):
-        raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
+        wrong = f"{trace.id} contains no acceleration: its header or format states {content}"
+        raise NoAcceleration(wrong, content)
     if (factor := getattr(stats, "calib", 1.0)) != 1.0:
         meaning = f"which may be missing in the samples: apply it with ObsPy and {_SAVE}"
         raise UnreadableRecord(f"the header of {trace.id} states the factor {factor:g}, {meaning}")
@@ -274,7 +291,9 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
     # Such files state no unit, so the user must pass it.
     factor, event, component = factor_of(None, unit), str(stats.starttime)[:10], stats.channel
+    # This date is the default of files without one.
+    event = "" if event == "1970-01-01" else event
     # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()
-    return Channel(values * factor, float(stats.delta), component, trace.id, event, (UNSTATED,))
+    return Channel(values * factor, float(stats.delta), component, trace.id, event, tuple(notes))

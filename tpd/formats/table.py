@@ -1,31 +1,28 @@
 """Text tables: times and accelerations in columns, or samples one after the other.
 
-A table is read without options only if its whole header follows a small grammar: lines with the names of the
-columns or their units, and statements of the unit, the step, the number of samples or the source. The guide
-describes the grammar (records.md). A file with any other word is rejected, and the message contains the
-options that read it.
+The reader does not guess. A table is read if one line above the numbers names all columns in the words of
+`NAMES`, or if the options state the columns. Any other table is rejected, and the message shows what the file
+contains.
 """
 
 from __future__ import annotations
 
-import contextlib
 import re
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from statistics import mode
 from typing import Any
 
+import numpy as np
+
 from tpd.core import checks
+from tpd.core.formatting import aligned
+from tpd.core.formatting import number as in_digits
 from tpd.formats.channel import (
     BASELINES,
     FACTORS,
-    STEPS,
     TIMES,
     Channel,
-    agree,
-    agree_on_count,
     check_unit,
     factor_of,
     is_component,
@@ -35,7 +32,6 @@ from tpd.formats.channel import (
 from tpd.formats.text import (
     NUMBER,
     Cursor,
-    Decimal,
     NoAcceleration,
     UnreadableRecord,
     no_thousands,
@@ -49,59 +45,50 @@ from tpd.formats.text import (
 
 ROWS = "rows"
 """Value of the option `columns` if the samples continue row by row."""
+NAMES = {
+    "time": "t time",
+    "acceleration": "a acc accel acceleration",
+    "north": "n north ns sn s south northsouth",
+    "east": "e east ew we w west eastwest",
+    "longitudinal": "l long longitudinal",
+    "transverse": "tran trans transverse",
+    "vertical": "z v u ud up ver vert vertical updown",
+    "x": "x",
+    "y": "y",
+}
+"""Names of columns, by their meaning. T in capitals is transverse."""
+_HORIZONTAL = {"north", "east"}, {"longitudinal", "transverse"}, {"x", "y"}
+"""Horizontal directions of one sensor."""
+_MEANINGS = {name: meaning for meaning, names in NAMES.items() for name in names.split()}
+# Other letters after the word for an acceleration can be a total, a velocity or a unit.
+_DIRECTIONS = [*"nexyz", "ns", "ew", "ud", "up", "north", "east", "vertical"]
+_MEANINGS |= {f"{a}{x}": _MEANINGS[x] for x in _DIRECTIONS for a in NAMES["acceleration"].split()[1:]}
+_MEANINGS |= {f"{a}{x}": _MEANINGS[x] for a, names in (("a", "xyz"), ("hn", "nez")) for x in names}
+_SCALES = FACTORS | TIMES
+_CELL = re.compile(r"([^()\[\]]+?)\s*(?:[(\[]([^()\[\]]*)[)\]])?")
+"""Pattern of the name of a column with its unit."""
+_UNIT = re.compile(r"(?i)units?\s*[:=]\s*[(\[]?(.+?)[)\]]?")
+_RATE = re.compile(rf"(?i)(?:fs|(?:sampling )?rate)\s*[:=]?\s*({NUMBER})\s*hz")
+_STEP = re.compile(
+    r"(?i)(?:dt|(?:time )?step|sampling interval)\s*(?:[(\[](\w+)[)\]])?\s*[:=]?\s*"
+    rf"({NUMBER})\s*([a-z]*)"
+)
+_OTHER = re.compile(r"(?i)[(\[](?:m|cm|mm|in|ft)(?:/s)?[)\]]")
+"""Pattern of a unit of displacement or velocity."""
 _LONGEST_STEP = 0.1
 """Longest step that is assumed to be in s if no unit is stated. A longer step may be in ms."""
-_MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
+_MARK = re.compile(r"^(?:[#%!*]+|/+)\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
-_CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
-_TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
 _DECIMAL = re.compile(r"[+-]?\d*(?:,\d+(?:[EeDd][+-]?\d{1,3})?)?")
 """Pattern of a number that may have a decimal comma."""
-_PAIR = r"[^=:,]+,[^=:,]+"
-"""Pattern of the names of two columns."""
-_BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
-_QUANTITIES = dict.fromkeys(TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
-for _length in ("m", "cm", "mm", "in", "ft"):
-    _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
-"""The quantity that a unit measures."""
-_NAMES = {
-    "time": r"t|times?|elapsed|zeit|temps|tempo|tiempo|tijd|tid|czas",
-    "number": r"no|nr|num|number|index|i|n|id|samples?|points?|#",
-    "acceleration": r"a|acc(?:el)?\d?|acceler\w+|beschleunigung|aceleraci[oó]n|ch(?:annel)?\d{0,3}|ground",
-    "velocity": r"vel|velocit\w+|velocidad|vitesse|geschwindigkeit",
-    "displacement": r"d|dis|displ?|displacements?|d[ée]placement|desplazamiento|spostamento|verschiebung",
-    "spectrum": r"periods?|periode|periodo|p?s[adv]|freq|frequency|hz",
-}
-"""Words for the quantity of a column."""
-_NAMED = re.compile("|".join(_NAMES.values()), re.IGNORECASE).fullmatch
-_PROCESSING = r"raw|(?:un)?(?:corrected|processed|filtered)|v[123]"
-_PER_SECOND = r"(?:sps|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)"
-_STATEMENTS = {
-    "rate": rf"(?:fs|sampl\w* (?:rate|freq\w*))\s*[:=]?\s*({NUMBER})\s*(?:hz|{_PER_SECOND})"
-    rf"|({NUMBER})\s*{_PER_SECOND}",
-    "count": r"(?:(?:number|no\.?) of )?(?:samples|points|pts|data|npts|n)\s*[:=]?\s*(\d{1,9})"
-    r"|(\d{1,9})\s*(?:samples|points|pts|data)",
-    "step": r"(?:dt|delta ?t|time ?step|time interval|sampl\w* (?:interval|step|period)|step|equally spaced"
-    r"|(?:equal )?(?:spacing|intervals?)(?: of)?)\s*(?:[(\[]\s*(\w+)\s*[)\]])?\s*[:=]?\s*"
-    rf"({NUMBER})\s*([a-z]*)",
-    "unit": r"(?:acc\w*\s+)?units?(?:\s+of\s+acc\w*)?\s*(?:[:=]|\b(?:in|is|are|of)\b)?\s*(.+)"
-    r"|acc\w* in (.+)|(.+)",
-    "source": r"(?:station|site|event|earthquake|record|date|network|location|file)\b\s*[:=]?((?:\s*"
-    r"(?:\d{1,4}[-/]\d{1,2}[-/]\d{1,4}|[^\W_][\w.\-]*))*)",
-}
-"""Forms of statements. The value is in the first group that matches."""
-_OPPOSITE = str.maketrans("swovdu", "neezzz")
-_GAPS = re.compile(r"[\s,;:()\[\]]+")
-_FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
-"""Pattern of a power of ten before a unit, or of a factor after it."""
-_SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
-_SCALED += r"|\bcounts?\b|\bvolts?\b"
-"""Words that may change the size of samples."""
-_NO_SOURCE = re.compile(
-    rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
-    rf"|{'|'.join(TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+_MOST_LINES = 12
+"""Largest number of lines of a file that a message shows."""
+_FILL_IN = (
+    f"  NAME can be {', '.join(NAMES)}, or a direction such as 090.",
+    f"  UNIT can be s or ms, or {', '.join(FACTORS)}. Columns without a name are not read.",
+    f"  If the samples continue row by row, `columns` is {ROWS}.",
 )
-"""Words that are more than a description of the source of a record."""
+"""Explanation of the example of options in a message."""
 
 
 @dataclass(frozen=True)
@@ -144,92 +131,125 @@ class Options:
 class _Column:
     """Meaning of the name of a column."""
 
-    quantity: str
-    component: str
-    unit: str | None
-    number: str = ""
-    """Digits in the name of an acceleration."""
-
-
-@dataclass
-class _Header:
-    """Statements of the lines above the samples."""
-
-    cells: list[str] = field(default_factory=list)
-    """Names of the columns with their units."""
-    stated: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
-    """Values of the statements, by kind: unit, step (s), count, source."""
-
-    @property
-    def is_motion(self) -> bool:
-        """Whether the lines state a unit, a step or times."""
-        columns = [_column(cell, first=i == 0) for i, cell in enumerate(self.cells)]
-        own = any(column.unit or column.quantity == "time" for column in columns)
-        return own or bool(self.stated["unit"] or self.stated["step"])
+    meaning: str
+    """Key of `NAMES`, or a direction that the user states."""
+    component: str = ""
+    """Direction."""
+    unit: str | None = None
 
 
 _Row = tuple[int, list[str]]
 """Number of a line in the file, and its cells."""
-_Line = tuple[int, str]
-"""Number of a line in the file, and its text."""
 
 
-class _Unknown(Exception):
-    """Part of a header that the grammar does not explain."""
+class _Table:
+    """Lines of a text that are not blank: the header, with its statements, and the rows of numbers."""
+
+    def __init__(self, lines: Sequence[str], skip: int, used: Sequence[int] = ()) -> None:
+        self.split: Callable[[str], list[str]] = splitter(lines[skip:])
+        printed = [(i, line.strip()) for i, line in enumerate(lines, 1) if i > skip and line.strip()]
+        cells = [self.split(line) for _, line in printed]
+        # A line of numbers above a line without them, such as the numbers of the columns above their names,
+        # belongs to the header.
+        has_number = [any(re.fullmatch(NUMBER, cell) for cell in row) for row in cells[1:]] + [True]
+        pairs = zip(cells, has_number, strict=False)
+        first = next((k for k, (row, x) in enumerate(pairs) if x and _is_row(row, used)), len(printed))
+        self.head, self.rows = printed[:first], printed[first:]
+        # The first row may be damaged.
+        self.width = mode(map(len, cells[first : first + 9])) if self.rows else 0
+        self.state(self.head)
+
+    def state(self, head: Sequence[tuple[int, str]]) -> None:
+        """Read the statements of lines of the header."""
+        self.stated, self.unknown = dict[str, Any](), list[tuple[int, str]]()
+        named: tuple[int, list[str], list[_Column | None]] = 0, [], []
+        for i, line in head:
+            # Statements may be in the line of the names.
+            parts = [part.strip(" \"'") for part in re.split(r"[,;\t]", _MARK.sub("", line)) if part.strip()]
+            others = [part for part in parts if not self._understand(part) and not _RULE.fullmatch(part)]
+            # A bracket belongs to the name before it.
+            joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", others[0] if others else "")
+            cells = joined.split() if len(others) == 1 < self.width else others
+            columns = [_column(cell) for cell in cells]
+            # The line that names most columns is the line of names, and the line before it is none.
+            if len(cells) == self.width and sum(map(bool, columns)) > sum(map(bool, named[2])):
+                named, (i, cells, _) = (i, cells, columns), named
+            # What is neither a statement nor the line of names is not understood.
+            if cells:
+                self.unknown.append((i, " ".join(cells)))
+        line, self.cells, self.columns = named
+        if not all(self.columns):
+            self.unknown.append((line, self.cells[self.columns.index(None)]))
+        self.unknown.sort()
+
+    def _understand(self, text: str) -> bool:
+        """Return whether a text states the unit or the time step (s), as all texts before it."""
+        kind, value, match = "step", None, _STEP.fullmatch(text)
+        # Without a unit a short step is in s, and a long one is not understood.
+        if match and (match[1] or match[3] or real(match[2]) <= _LONGEST_STEP):
+            value = real(match[2]) * TIMES.get((match[1] or match[3] or "s").lower(), 0.0)
+        elif match := _RATE.fullmatch(text):
+            value = 1.0 / max(real(match[1]), 1e-9)
+        elif (match := _UNIT.fullmatch(text)) and (unit := unit_spelling(match[1])) in FACTORS:
+            kind, value = "unit", unit
+        return bool(value) and self.stated.setdefault(kind, value) == value
+
+
+def overview(lines: Sequence[str], skip: int = 0) -> list[str]:
+    """Return the first lines of a text with their numbers, and a table of its columns of numbers."""
+    table = _Table(lines, skip)
+    top = [*table.head, *table.rows][: len(table.head) + 1]
+    # The last lines above the numbers, and the first row, are the most helpful ones.
+    top = top if len(top) <= _MOST_LINES else [*top[:4], *top[4 - _MOST_LINES :]]
+    rows = [cells for _, line in table.rows if len(cells := table.split(line)) == table.width]
+    columns = [[real(x) for x in cells if re.fullmatch(NUMBER, x)] for cells in zip(*rows, strict=True)]
+    values = {str(k): np.array(x) for k, x in enumerate(columns, 1) if x}
+    return [f"  line {i:<4d} {line[:90]}" for i, line in top] + (columns_in_words(values) if values else [])
+
+
+def columns_in_words(columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Return a table of the smallest, largest and mean number of columns, and of what each of them can be."""
+    rows, last = [["  column", "smallest", "largest", "mean", "step"]], ["it can be"]
+    for name, x in columns.items():
+        # Times may be rounded, so that their steps differ a little.
+        steps = np.diff(x) if len(x) > 1 else np.zeros(1)
+        usual = float(np.median(steps))
+        is_even = usual > 0.0 and float(np.ptp(steps)) <= 0.3 * usual
+        kinds = {
+            "times, numbers of rows, or periods": is_even,
+            "times or periods of unequal steps": bool((steps > 0.0).all()),
+            "a constant": float(np.ptp(x)) == 0.0,
+            "a total, a spectrum or another size without a sign": float(x.min()) >= 0.0,
+            "a motion with an offset": abs(float(x.mean())) > 0.05 * float(np.abs(x).max()),
+        }
+        # The first kind that holds is the most specific one.
+        sizes = [in_digits(float(y)) for y in (x.min(), x.max(), x.mean())]
+        rows.append([f"  {name}", *sizes, in_digits(usual) if is_even else ""])
+        last.append(next((kind for kind, holds in kinds.items() if holds), "a motion"))
+    # The last column is a text, and `aligned` would align it to the right.
+    width = max(len(line) for line in aligned(rows))
+    return [f"{line:{width}}  {end}" for line, end in zip(aligned(rows), last, strict=True)]
 
 
 def read_table(cursor: Cursor, how: Options) -> list[Channel]:
-    """Return the channels of a table. Columns of velocities and displacements are left out.
+    """Return the channels of a table.
 
     Raises:
-        NoAcceleration: no line above the numbers states that they are a motion.
-        UnreadableRecord: the table contradicts itself, a cell is not a number, or the times have unequal
-            steps.
+        NoAcceleration: there are no numbers, the names of the columns are missing or not understood, or
+            there is no time step.
+        UnreadableRecord: the table contradicts itself or the options, a cell is not a number, or the times
+            have unequal steps.
     """
-    split = splitter(cursor.lines[how.skip :])
     # Columns are numbered from 1 for users.
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
-    lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
-    # A line of numbers above a line of names, such as the numbers of the columns, belongs to the header.
-    pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=False))
-    starts = (k for k, (a, b) in pairs if _is_row(split(a[1]), used) and not any(map(_NAMED, split(b[1]))))
-    first = next(starts, len(lines))
-    head = lines[:first]
-    if first == len(lines):
-        why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
-        why = f"no line has numbers in the columns {how.columns}" if used else why
-        clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
-        wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
-        raise NoAcceleration(wrong, "no motion")
-    header, below, problem = _Header(), _Header(), None
-    # The first row may state the number of samples, and a row may be damaged.
-    width = mode(len(split(line)) for _, line in lines[first : first + 9])
-    for i, line in head:
-        try:
-            _understand(header, line, width)
-        except _Unknown as error:
-            problem = i, str(error)
-            break
-    is_table = len(used) > 1 or len(header.cells) > 1 or any(re.fullmatch(_PAIR, x) for _, x in head)
+    table = _Table(cursor.lines, how.skip, used)
     try:
-        rows = _read_count(below, _rows(cursor, lines[first:], split, is_table), used)
-        if problem is not None:
-            where = "" if _unknown_word([problem[1]]) else f" above rows of {width} numbers"
-            message = f"line {problem[0]} has {shown(problem[1])}, which is not understood{where}"
-            raise UnreadableRecord(message, **_remedy(head, rows, how, problem, below))
-        for kind, values in below.stated.items():
-            header.stated[kind] += values
-        # If the stated number of samples is not the number of rows, it must be the number of all cells.
-        size = sum(len(cells) for _, cells in rows)
-        if not (size == len(rows) or size in header.stated["count"] or header.cells or how.columns):
-            message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-            raise UnreadableRecord(message, **_remedy(head, rows, how, (rows[0][0] - 1, ""), below))
-        return _channels(header, rows, how)
-    except UnreadableRecord as error:
-        if how.columns or (header.is_motion and problem is None):
-            raise
-        # Numbers without a word may be anything.
-        raise NoAcceleration(error.args[0], **error.options) from None
+        columns = _columns(table, how)
+    except NoAcceleration as error:
+        if error.options or not table.rows:
+            error.preview = (*overview(cursor.lines, how.skip), *(_FILL_IN if error.options else ()))
+        raise
+    return _channels(table, columns, _rows(cursor, table, len(table.columns or used) > 1), how)
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -238,16 +258,14 @@ def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
     return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
 
 
-def _rows(
-    cursor: Cursor, printed: Sequence[_Line], split: Callable[[str], list[str]], is_table: bool
-) -> list[_Row]:
-    """Return the rows from the first line of `printed` to the end of the file.
+def _rows(cursor: Cursor, table: _Table, is_table: bool) -> list[_Row]:
+    """Return the rows from the first one to the end of the file.
 
     `is_table` states that the header or the user names several columns.
     """
-    first, (line, text) = printed[0][0], printed[-1]
+    first, (line, text), split = table.rows[0][0], table.rows[-1], table.split
     # One comma in every row separates two columns only if there are several.
-    if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
+    if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in table.rows):
         meaning = "one number with a decimal comma: write the numbers with decimal points"
         raise UnreadableRecord(f"line {line} has {shown(text)}, which may be {meaning}")
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
@@ -264,177 +282,122 @@ def _rows(
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[_Row]:
-    """Return the rows of samples, and add the statements of a first row of numbers to a header."""
-    (line, cells), rest = rows[0], rows[1:]
-    if used or len(rest) < 2:
-        return rows
-    values, total = [number(cell, line) for cell in cells], sum(len(row) for _, row in rest)
-    wide = len(cells) != len(rest[0][1]) == len(rest[1][1])
-    is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
-    if values[0] in (len(rest), total) and is_step:
-        header.stated |= {"count": values[:1], "step": values[1:]}
-        return rest
-    # The count and the step may be in two lines, but the second number may also be a sample.
-    step, count = sorted([values[0], number(rest[0][1][0], rest[0][0])])
-    if len(cells) == 1 and count in (len(rest) - 1, total - 1) and STEPS[0] <= step <= _LONGEST_STEP:
-        pair = f"the number of samples, {count:g}, and the step, {step:g} s"
-        raise UnreadableRecord(f"lines {line} and {rest[0][0]} may be {pair}", skip=rest[0][0], dt=step)
-    # A whole number above decimals is not a sample.
-    decimals = sum("." in row[0] for _, row in rest)
-    odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
-    if wide or odd:
-        statement = f"the number of samples ({total} samples in {len(rest)} rows) with the step in s"
-        # The next line may be a step in another unit, or a sample.
-        remedy = {} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}
-        neither = f"which is neither a row like the others nor {statement}"
-        raise UnreadableRecord(f"line {line} has {shown(' '.join(cells))}, {neither}", **remedy)
-    return rows
+def _column(cell: str, *, is_stated: bool = False) -> _Column | None:
+    """Return the meaning of a name of a column; None if it is not understood.
+
+    Args:
+        cell: name, with a unit in brackets.
+        is_stated: whether the user states the name, which may then be any direction.
+    """
+    if (match := _CELL.fullmatch(cell.strip())) is None:
+        return None
+    name, unit = match[1], None if match[2] is None else unit_spelling(match[2])
+    word = re.sub(r"[\s_.-]+", "", name.lower())
+    meaning = "transverse" if name == "T" else _MEANINGS.get(word, "")
+    if is_stated and not meaning:
+        meaning = name if is_component(name) else "acceleration" * bool(re.fullmatch(r"acc\d+", word))
+    if not meaning or unit not in (None, *(TIMES if meaning == "time" else FACTORS)):
+        return None
+    component = name if orientation(name) is not None else meaning
+    return _Column(meaning, "" if meaning in ("time", "acceleration") else component, unit)
 
 
-def _understand(header: _Header, line: str, width: int) -> None:
-    """Add the statements of a line to a header, or raise `_Unknown`."""
-    text = re.sub(r"[\s,;]+$", "", _MARK.sub("", line, count=1))
-    if _RULE.fullmatch(text):
-        return
-    # A line may contain several statements, separated by commas or words.
-    parts = [part.strip() for part in re.split(r"[,;\t]|\b(?:at|with)\b", text) if part.strip()]
-    statements = [_statement(part) for part in parts]
-    if names := [part for part, statement in zip(parts, statements, strict=True) if statement is None]:
-        columns = _cells(text, width, header)
-        header.cells = columns or _cells("  ".join(names), width, header)
-        if not header.cells:
-            # The smallest piece that is not understood is the most helpful in a message.
-            raise _Unknown(next(filter(None, (_unknown_word([part]) for part in names)), text))
-        if columns:
-            return
-    for what, value in filter(None, statements):
-        header.stated[what].append(value)
+def _columns(table: _Table, how: Options) -> dict[int, _Column]:
+    """Return the columns that are read, by their index.
 
-
-def _cells(text: str, width: int, header: _Header) -> list[str]:
-    """Return names of columns, or names with the units that a line of units adds; empty if the line is
-    neither."""
-    for cells in _split_names(text):
-        merged = [f"{x} ({y.strip('()[] ')})" for x, y in zip(header.cells, cells, strict=False)]
-        # A line of units below the names of the columns is merged with them.
-        named = merged or cells
-        fits = len(cells) == width and not _unknown_word(named)
-        if fits and (not merged or all(_column(x, first=True).unit for x in merged)):
-            return named
-    return []
-
-
-def _split_names(text: str) -> list[list[str]]:
-    """Return the possible ways to split a line of columns into cells."""
-    row = re.sub(r"[\s,;]+$", "", _MARK.sub("", text.strip(), count=1))
-    # A bracket belongs to the name before it, even if there are blanks between them.
-    joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", row)
-    ways = re.split(r"\s*[,;\t]\s*", row), re.split(r"\s{2,}|\t", row), joined.split()
-    return [[cell.strip(" \"'") for cell in cells] for cells in ways]
-
-
-def _unknown_word(cells: Sequence[str], start: int = 0) -> str:
-    """Return the first part of cells, from column `start` on, that is not understood, or an empty text."""
-    try:
-        for i, cell in enumerate(cells, start):
-            _column(cell, first=i == 0)
-    except _Unknown as error:
-        return str(error)
-    return ""
-
-
-def _statement(part: str) -> tuple[str, Any] | None:
-    """Return the kind and the value of a statement; None if the part of a line is not a statement."""
-    for what, form in _STATEMENTS.items():
-        if (match := re.fullmatch(form, part, re.I)) is None:
-            continue
-        value = next((group for group in match.groups() if group), "").strip("()[] ")
-        if what == "unit" and unit_spelling(value) in FACTORS:
-            return what, unit_spelling(value)
-        if what in ("count", "rate") and (size := Decimal.of(value).value) > 0.0:
-            return (what, size) if what == "count" else ("step", 1.0 / size)
-        if what == "step":
-            units, step = {word.lower() for word in (match[1], match[3]) if word}, Decimal.of(match[2]).value
-            # Without a unit a short step is assumed to be in s.
-            has_unit = units <= {*TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
-            return (what, step * TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
-        if what == "source":
-            for word in value.split():
-                is_up = orientation(word.replace("up", ""))
-                if is_up or unit_spelling(word) in FACTORS or _NO_SOURCE.fullmatch(word):
-                    raise _Unknown(word)
-            return what, value
-    return None
-
-
-def _column(cell: str, *, first: bool) -> _Column:
-    """Return the meaning of a name, or raise `_Unknown`. T is a time only in the first column."""
-    # AccZ and acc-NS consist of two words, but N-S is one word.
-    title = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
-    words = [w for x in re.findall(r"[^\s_]+", title) for w in ([x] if is_component(x) else x.split("-"))]
-    quantities, units, names, digits = set(), [], [], ""
-    pieces = [*words, *_BRACKET.findall(cell)]
-    if not pieces:
-        raise _Unknown("an empty name")
-    # A title with more words, or with numbers, may describe a filter instead.
-    # A period or a frequency instead of a time shows a response spectrum.
-    spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
-    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", title):
-        message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"
-        raise NoAcceleration(message, "response spectrum")
-    for i, word in enumerate(pieces):
-        low, unit, bracketed = word.strip(" .").lower(), unit_spelling(word), i >= len(words)
-        named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
-        # A lone V in brackets may be volts.
-        is_name = is_component(word.strip(" .")) and not (bracketed and low == "v")
-        if low in TIMES and (bracketed or first or "time" in quantities):
-            units.append(low)
-        elif unit in FACTORS or (unit in _QUANTITIES and unit not in TIMES and (bracketed or "/" in unit)):
-            units.append(unit)
-        elif re.fullmatch(_PROCESSING, low) and "acceleration" in quantities:
-            continue
-        elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
-            quantities.add(named)
-            digits += re.sub(r"\D", "", word)
-        elif is_name or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
-            names.append(word.strip())
-        elif low != "in" or unit_spelling("".join(pieces[i + 1 : i + 2])) not in FACTORS:
-            raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
-    # V next to accelerations is the vertical component, but v in m/s is a velocity.
-    quantities |= {_QUANTITIES[unit] for unit in units}
-    quantity = next(iter(quantities), "acceleration")
-    if len(units) > 1 or len(quantities) > 1 or (names and quantity in ("time", "number")):
-        raise _Unknown(cell)
-    return _Column(quantity, " ".join(names), units[0] if units else None, digits)
-
-
-def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
-    """Return the accelerations of a table whose header is understood."""
-    # A header may state the step several times, in different forms.
-    for first, second in pairwise(header.stated["step"]):
-        agree(first, second, "the step in s", 1e-6 * first)
-    total = sum(len(row) for _, row in rows)
-    for count in header.stated["count"]:
-        agree_on_count(int(count), len(rows) if count == len(rows) else total, "the header")
-    step, columns = next(iter(header.stated["step"]), how.dt), {0: _Column("acceleration", "", None)}
+    Raises:
+        NoAcceleration: there are no rows, the header does not name all columns, or there is no time step.
+    """
+    if not table.rows:
+        columns = f"in the columns {how.columns} " if how.columns else ""
+        wrong = f"the file has no known format and no row of numbers {columns}after line {how.skip}"
+        raise NoAcceleration(f"{wrong}: commas, semicolons, tabs or blanks must separate them", "no motion")
     if isinstance(how.columns, Mapping):
-        columns = _chosen_columns(header, how.columns)
-    elif header.cells and how.columns is None:
-        columns = {i: _column(cell, first=i == 0) for i, cell in enumerate(header.cells)}
-    # Without names of columns all numbers are samples, row by row.
-    in_rows = how.columns == ROWS or (how.columns is None and not header.cells)
-    # Rows may have more columns than are used only if the user names the columns.
-    width = max(columns) + 1
-    for line, cells in () if in_rows else rows:
-        if len(cells) < width or (how.columns is None and len(cells) > width):
-            raise UnreadableRecord(f"line {line} must have {width} numbers, but has {shown(' '.join(cells))}")
-    line, (cell, *more) = rows[0]
-    if not (more or header.stated["count"] or how.columns == ROWS) and number(cell, line) == step:
-        wrong = f"line {line} has {shown(cell)}, which is the step: columns={ROWS!r} reads it as a sample"
-        raise UnreadableRecord(wrong, skip=line)
-    times = [i for i, column in columns.items() if column.quantity == "time"]
-    for i in times[:1]:
+        return dict(_chosen_column(table, name, at) for name, at in how.columns.items())
+    if how.columns == ROWS:
+        return {0: _Column("acceleration")}
+    # Without names all numbers are samples. Several columns without names are rejected below.
+    columns = [column for column in table.columns if column] or [_Column("acceleration")]
+    reason = _conflict(columns)
+    if table.unknown:
+        line, part = table.unknown[-1]
+        reason = f"line {line} has {shown(part)}, which is not understood"
+    elif not table.columns and table.width > 1:
+        reason = f"line {table.rows[0][0]} has {table.width} numbers, but no line above names the columns"
+    if reason:
+        options = _example(table, how)
+        # A word such as "normalised" changes the meaning of the numbers.
+        reason += ": skip it only if it does not change the numbers" if "skip" in options else ""
+        raise NoAcceleration(reason, **options)
+    if not (how.dt or "step" in table.stated or any(column.meaning == "time" for column in columns)):
+        raise NoAcceleration("the table states no times and no step: give `dt` in s, such as dt=0.01")
+    return dict(enumerate(columns))
+
+
+def _conflict(columns: Sequence[_Column]) -> str:
+    """Return words for why columns are not a time and the directions of one sensor."""
+    meanings = [column.meaning for column in columns]
+    motions = [meaning for meaning in meanings if meaning != "time"]
+    level = {*motions} - {"vertical"}
+    is_sensor = len({*motions}) == len(motions) and any(level <= pair for pair in _HORIZONTAL)
+    if len(meanings) - len(motions) <= 1 and (is_sensor or motions == ["acceleration"]):
+        return ""
+    return f"the columns {', '.join(meanings)} are not a time and the directions of one sensor"
+
+
+def _example(table: _Table, how: Options) -> dict[str, Any]:
+    """Return options that can read a table, with places to fill in."""
+    at, named = table.unknown[-1][0] if table.unknown else 0, [*zip(table.cells, table.columns, strict=True)]
+    unit = how.unit or table.stated.get("unit")
+    # If the header below a line is understood, it is enough to skip this line and all lines above it.
+    table.state([row for row in table.head if row[0] > at])
+    columns = [column for column in table.columns if column] or [_Column("acceleration")]
+    if at and not table.unknown and len(columns) == table.width and not _conflict(columns):
+        options: dict[str, Any] = {"skip": at}
+        if not (how.unit or "unit" in table.stated or any(c.unit and c.meaning != "time" for c in columns)):
+            options["unit"] = "UNIT"
+    else:
+        # A place to fill in replaces a name that is not understood, or that contradicts the other names.
+        columns, names = [column for _, column in named if column], dict[str, int]()
+        for k, (cell, column) in enumerate(named or [("", None)] * table.width, 1):
+            is_time = bool(column and column.meaning == "time")
+            name = cell if column and (at or is_time) else f"NAME{k}"
+            has_unit = name == cell and (is_time or unit or (column and column.unit))
+            names[name if has_unit else f"{name} (UNIT)"] = k
+        options = {"columns": names}
+    has_step = how.dt or "step" in table.stated or any(column.meaning == "time" for column in columns)
+    return options if has_step or len(columns) < table.width else options | {"dt": "STEP"}
+
+
+def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
+    """Return the index of a column, and what the user states about it, which must agree with the header."""
+    if (column := _column(name, is_stated=True)) is None:
+        allowed = "names of times, accelerations or directions, such as 'time (ms)', N and 'E (gal)'"
+        raise ValueError(f"`columns` must contain {allowed}, but has {shown(name)}")
+    cell, says = next(iter(zip(table.cells[at - 1 :], table.columns[at - 1 :], strict=True)), ("", None))
+    says = says or column
+    # An acceleration without a direction agrees with any direction.
+    units = {_SCALES[unit] for unit in (column.unit, says.unit) if unit}
+    meanings = {column.meaning, says.meaning} - {"acceleration"}
+    # A user may know that x is north, but not that east is north.
+    is_other = "time" in meanings or "vertical" in meanings or any(meanings <= pair for pair in _HORIZONTAL)
+    differ = len(meanings) > 1 and is_other
+    if _OTHER.search(cell) or len(units) > 1 or differ:
+        raise UnreadableRecord(f"the header names column {at} {shown(cell)}, but `columns` names it {name!r}")
+    return at - 1, replace(column, unit=column.unit or says.unit)
+
+
+def _channels(
+    table: _Table, columns: Mapping[int, _Column], rows: Sequence[_Row], how: Options
+) -> list[Channel]:
+    """Return the accelerations of the columns of a table."""
+    step, in_rows = table.stated.get("step", how.dt), how.columns == ROWS
+    _check_shape(rows, step, 0 if in_rows else max(columns) + 1)
+    motions = {i: column for i, column in columns.items() if column.meaning != "time"}
+    times = [i for i in columns if i not in motions]
+    if not motions or len(times) > 1:
+        raise UnreadableRecord(f"`columns` must have at most one time, and accelerations: {how.columns}")
+    for i in times:
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
@@ -442,128 +405,36 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
             raise UnreadableRecord(f"times with steps of {step:g} need a unit: {remedy}")
     if step is None:
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
-    accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
-    if not accelerations or len(times) > 1:
-        content = ", ".join(column.quantity for column in columns.values())
-        raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
-    last = {(_axis(column.component), column.number): i for i, column in accelerations.items()}
-    if len(last) < len(accelerations) and how.columns is None:
-        names = ", ".join(shown(header.cells[i]) for i in accelerations)
-        chosen = {header.cells[i]: i + 1 for i in (*times, *last.values())}
-        wrong = f"some of the columns {names} may be one channel: `columns` must choose"
-        raise UnreadableRecord(wrong, columns=chosen)
-    lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
-    if lone and how.columns is None and not all(column.component for column in accelerations.values()):
-        raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
-    others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
-    notes = (f"left out of the table: {', '.join(others)}",) if others else ()
     channels = []
-    for i, column in accelerations.items():
-        units = [unit for unit in (column.unit, *header.stated["unit"]) if unit]
+    for i, column in motions.items():
+        # A unit above the table and a unit of a column must be the same.
+        units = [unit for unit in (column.unit, table.stated.get("unit")) if unit]
         if len({FACTORS[unit] for unit in units}) > 1:
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
         read = [(line, cell) for line, cells in rows for cell in (cells if in_rows else cells[i : i + 1])]
-        name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
+        name = column.component or ("" if len(motions) == 1 else f"column {i + 1}")
         factor = factor_of(next(iter(units), None), how.unit)
-        channels.append(Channel(numbers(read) * factor, step, name, name, notes=notes))
+        channels.append(Channel(numbers(read) * factor, step, name, name))
     return channels
 
 
-def _axis(component: str) -> str:
-    """Return the first letter of an axis, which is the third one of a SEED code; a name with digits as it is.
+def _check_shape(rows: Sequence[_Row], step: float | None, width: int) -> None:
+    """Raise `UnreadableRecord` for rows of unequal length, and for a count or a step above one column.
 
-    North and south are the same axis, and so are east and west.
+    The `width` is the least number of columns, or 0 if the samples continue row by row.
     """
-    name = component.lower()
-    letter = name[2:] if re.fullmatch(r"[a-z][hlgn][zne]", name) else name[:1]
-    return name if re.search(r"\d", name) else letter.translate(_OPPOSITE)
-
-
-def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
-    """Return the columns that the user names. They must agree with the header."""
-    columns: dict[int, _Column] = {}
-    for name, at in wanted.items():
-        if piece := _unknown_word([name], at - 1):
-            allowed = "names of times, accelerations or components, such as 'time (ms)', N and E"
-            wrong = f"{shown(name)}, in which {shown(piece)} is not understood"
-            raise ValueError(f"`columns` must contain {allowed}, but has {wrong}")
-        column = _column(name, first=at == 1)
-        says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
-        units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
-        axes = {_axis(c.component) for c in (column, says) if c.component}
-        if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
-            stated = f"the header names column {at} {shown(header.cells[at - 1])}"
-            raise UnreadableRecord(f"{stated}, but `columns` names it {name!r}")
-        columns[at - 1] = replace(column, unit=column.unit or says.unit)
-    return columns
-
-
-def _remedy(
-    head: Sequence[_Line], rows: Sequence[_Row], how: Options, problem: _Line, below: _Header
-) -> dict[str, Any]:
-    """Return the options that may read a table in which a part of a line, `problem`, is not understood.
-
-    The header `below` has the statements of a first row of numbers.
-    """
-    line, piece = problem
-    width, above = len(rows[0][1]), dict(head).get(line, "")
-    ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
-    named, names = next(ways, ("", [""] * width))
-    # A line above the names may state that all columns are vertical.
-    is_up = any(orientation(re.sub(r"\bup\b", "", x)) for _, x in head if x != named or width == 1)
-    # Collect the names that are understood, and place holders in capitals for the others.
-    columns, meanings, options = dict[str, int](), list[_Column](), dict[str, Any]()
-    for k, cell in enumerate(names):
-        name = _BRACKET.sub(" ", cell).strip() if _unknown_word([cell], k) else cell
-        says = None if _unknown_word([name], k) else _column(name, first=k == 0)
-        # Units in a bracket that was removed from the name: the column may be another quantity.
-        units = {unit_spelling(unit) for unit in _BRACKET.findall(cell) if name != cell}
-        if says is None or units & {*_QUANTITIES} or (units and says.quantity == "time"):
-            continue
-        if name in columns or (is_up and says.quantity == "acceleration" and not says.component):
-            name, says = f"NAME{k + 1}", replace(says, unit=None)
-        columns[name] = k + 1
-        meanings.append(says)
-    first = [real(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
-    # Whole numbers may be the numbers of the samples, and times in another unit are left out.
-    is_time = width > 1 and len(first) > 2 and first == sorted({*first}) and first[1] - first[0] != 1.0
-    if is_time and 1 not in columns.values() and not _BRACKET.search(names[0]):
-        columns = {"time (UNIT)": 1} | columns
-        meanings.append(_Column("time", "", None))
-    units = [column.unit for column in meanings if column.quantity == "acceleration"]
-    if not units and (named or width < 5 or is_time):
-        others = "|".join(_NAMES[kind] for kind in ("velocity", "displacement", "spectrum"))
-        unnamed = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
-        unnamed -= {k for k in unnamed for x in _GAPS.split(names[k - 1].lower()) if re.fullmatch(others, x)}
-        if not unnamed:
-            return {}
-        columns |= {f"NAME{k}" if len(unnamed) > 1 or is_up else "acceleration": k for k in unnamed}
-    # Look for a unit and a factor in the names of the used columns, or in the line.
-    used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
-    stated = [text for _, text in head if re.match(r"\W*units?\b", text.lower())]
-    stated_units = {unit_spelling(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
-    rest = [
-        word for word in _GAPS.split(used if above == named else above) if unit_spelling(word) not in FACTORS
-    ]
-    match = _FACTOR.fullmatch(piece)
-    if match and unit_spelling(match[2] or match[3]) in FACTORS:
-        options["factor"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
-    elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
-        options["factor"] = "FACTOR"
-    with contextlib.suppress(_Unknown, UnreadableRecord):
-        for _, text in (x for x in head if x[0] > line):
-            _understand(below, text, width)
-        # If the lines below are sufficient, except for a unit, it is enough to skip this line and all lines
-        # above it.
-        size = sum(len(cells) for _, cells in rows)
-        fits = width == 1 or below.cells or size in below.stated["count"]
-        for unit in (how.unit, "g") if fits and not is_up else ():
-            with contextlib.suppress(UnreadableRecord):
-                if _channels(below, rows, replace(how, unit=unit)):
-                    return {"skip": line} | options | ({} if unit == how.unit else {"unit": "UNIT"})
-    options = ({"skip": rows[0][0] - 1} if head else {}) | {"columns": columns or ROWS} | options
-    if not units or not all(units):
-        options["unit"] = how.unit or (stated_units.pop() if len(stated_units) == 1 else "UNIT")
-    if "time" not in {column.quantity for column in meanings}:
-        options["dt"] = how.dt or "STEP"
-    return options
+    # The first row may be a count with a step, so the usual length counts.
+    full = max(width, mode(len(cells) for _, cells in rows[:9]))
+    for k, (line, cells) in enumerate(rows if width else rows[:-1]):
+        if len(cells) != full:
+            options = {"skip": line} if k == 0 and len(rows) > 2 else {}
+            wrong = f"line {line} must have {full} numbers, but has {shown(' '.join(cells))}"
+            raise UnreadableRecord(wrong, **options)
+    decimals = 2 * sum("." in row[0] for _, row in rows) > len(rows)
+    for k in (1, 0) if len(rows) > 3 and full == width == 1 else ():
+        line, (cell, *_) = rows[k]
+        value, count = number(cell, line), len(rows) - k - 1
+        # A whole number above decimals is not a sample.
+        if value in (count, count - 1, step) or (decimals and value and "." not in cell):
+            meaning = f"the step or the number of samples: columns={ROWS!r} reads it as a sample"
+            raise UnreadableRecord(f"line {line} has {shown(cell)}, which can be {meaning}", skip=line)

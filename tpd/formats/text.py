@@ -39,10 +39,13 @@ class UnreadableRecord(ValueError):
     def __init__(self, message: str, **options: Any) -> None:
         super().__init__(message)
         self.options = options
+        self.preview: Sequence[str] = ()
+        """Lines that show what the file contains."""
 
     def __str__(self) -> str:
         options = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
-        return f"{self.args[0]}; try these options: {options}" if options else str(self.args[0])
+        sentence = f"{self.args[0]}; try these options: {options}" if options else str(self.args[0])
+        return "\n".join([sentence, *self.preview])
 
 
 class NoAcceleration(UnreadableRecord):

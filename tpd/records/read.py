@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from tpd.core.checks import PLAUSIBLE
-from tpd.core.files import label_of, path_of, readable
+from tpd.core.files import label_of, path_of
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
-from tpd.scene.earthquakes import is_one
+from tpd.scene.earthquakes import STATED, is_one
 from tpd.scene.ground_motion import GroundMotion, copy_factor, events_of
 from tpd.scene.record import Record
 
@@ -31,6 +31,10 @@ SETS = {
     "fema-p695-near-field-no-pulse": "near-field-no-pulse",
 }
 """Names of the sets in a job file, with their names in `tpd.records.sets`."""
+_UPWARD = re.compile(r"(?i)(?:^|[-_. \d])(?:up|ud|dwn|vert?|vertical|[a-z][hln]z|z|v)\d?(?:\.\w+)*$")
+"""Pattern of the name of a file that may contain a vertical component."""
+_TRACE = re.compile(r"(\w*\.\w+)\.(\w*)\.(\w\w)\w")
+"""Pattern of the name of a channel with a SEED code: station, location, sensor."""
 _FEW = 3
 """Largest number of records that are described one by one."""
 _SMALLEST_PGA = 0.001
@@ -41,7 +45,7 @@ processings of one channel. Two components of one station have at most 0.55."""
 
 
 def read_motions(
-    names: Sequence[str], *, events: Sequence[str] | None = None, channel: int | None = None, **how: Any
+    names: Sequence[str], *, events: Mapping[str, str] | None = None, channel: int | None = None, **how: Any
 ) -> tuple[list[GroundMotion], list[str]]:
     """Return all horizontal records of files, folders, built-in records and sets, and notes on them.
 
@@ -49,8 +53,7 @@ def read_motions(
 
     Args:
         names: names of files and folders, or names out of `BUILT_IN` and `SETS`.
-        events: earthquakes of records whose files state none: one for all, or one for each of `names`.
-            Without it the records of a folder belong to one earthquake.
+        events: names of earthquakes, by file or folder. They replace what the files state.
         channel: number of the channel that is read from every file, vertical or not; default all horizontal
             ones.
         how: `dt`, `unit`, `baseline` and the other options of `tpd.Record.read`.
@@ -58,38 +61,32 @@ def read_motions(
     Raises:
         ValueError: there is no horizontal record, or a file is not a record.
     """
-    # One name applies to all records. Otherwise every entry of `names` needs its own.
-    if events is not None and len(events) not in (1, len(names)):
-        allowed = f"one name, or one for each of the {len(names)} `records`"
-        raise ValueError(f"`event` must have {allowed}, but has {len(events)}")
-    # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
-    read: list[tuple[Record, str, str]] = []
+    read: list[Record] = []
     omitted, messages, stated = list[str](), list[str](), list[str]()
+    for name in events or ():
+        if not path_of(name).exists():
+            raise FileNotFoundError(f"`events` must name files and folders, but there is no {name}")
+    named = {path_of(name).resolve(): event for name, event in (events or {}).items()}
 
-    def read_one(file: Path, **options: Any) -> list[Record]:
-        return [Record.read(file, channel=channel, **options)]
-
-    for i, name in enumerate(names):
+    for name in names:
         if not name.strip():
             raise ValueError("the name of a record must not be empty, but is ''")
         if name in SETS or name in BUILT_IN:
             try:
-                named = fema_p695(SETS[name]) if name in SETS else [BUILT_IN[name]()]
+                read += fema_p695(SETS[name]) if name in SETS else [BUILT_IN[name]()]
             except ImportError as error:
                 raise ValueError(str(error)) from None
-            read += [(record, record.event, "") for record in named]
             continue
         path = path_of(name)
         files, others = _files_of(path)
         omitted += others
-        # Without stated earthquakes a folder is one earthquake, and its name is the name of the earthquake.
-        event = readable(path.resolve().name) if path.is_dir() else ""
-        event = event if events is None else events[i if len(events) > 1 else 0]
         for file in files:
-            records, options, read_file = None, dict(how), Record.read_all if channel is None else read_one
+            records, options = None, dict(how)
             while records is None:
                 try:
-                    records = read_file(file, **options)
+                    records = Record.read_all(file, **options)
+                    if channel is not None:
+                        records = [Record.read(file, channel=channel, **options)]
                 # A file that the user names must be a motion and agree with all options. In a folder a file
                 # without a motion is left out, and an option does not apply to a file that states its own.
                 except StatedByFile as error:
@@ -101,6 +98,8 @@ def read_motions(
                         raise
                     omitted.append(f"{label_of(file)} ({error.content})")
                     records = []
+            # The file itself is named before its folder.
+            own = next((x for x in (file.resolve(), *file.resolve().parents) if x in named), None)
             for record in records:
                 vertical = VERTICAL in record.notes
                 if vertical and channel is None:
@@ -109,49 +108,42 @@ def read_motions(
                 if vertical:
                     use = "but is used as a horizontal motion here"
                     messages.append(f"note: {record.source} is a {VERTICAL}, {use}")
-                # The channels of one file belong to one earthquake.
-                quake = record.event or event or (str(file) if len(records) > 1 else "")
-                assumed = path.is_dir() and events is None and not record.event
-                # An assumed earthquake does not distinguish two files of one channel.
-                one = record if events is None else replace(record, event=quake)
-                read.append((one, quake, name if assumed else ""))
+                if UNKNOWN in record.notes and _UPWARD.search(file.name):
+                    use = "but its content states no direction: it is used as a horizontal motion"
+                    messages.append(f"warning: the name {file.name} may be that of a {VERTICAL}, {use}")
+                if own is not None:
+                    record = replace(record, event=named[own], notes=(*record.notes, STATED))
+                read.append(record)
     for option, count in sorted(Counter(stated).items()):
         messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
-    reasons = _repeated([record for record, _, _ in read])
-    repeats = [(record.source, why) for (record, _, _), why in zip(read, reasons, strict=True) if why]
+    reasons = _repeated(read)
+    repeats = [(record.source, why) for record, why in zip(read, reasons, strict=True) if why]
     omitted += [f"{source} ({why})" for source, why in repeats if source]
     # Records of a set have no file.
     if named_twice := sum(not source for source, _ in repeats):
         omitted.append(f"{named_twice} records of sets that are named twice")
-    unique = [one for one, why in zip(read, reasons, strict=True) if not why]
-    # The user may not know that a folder counts as one earthquake.
-    for name, count in Counter(folder for _, _, folder in unique if folder).items():
-        if count > 1:
-            assumed = f"{count} records of the folder {name} state no earthquake and count as one"
-            advice = "if they belong to several, give the files one by one, with their `event`"
-            messages.append(f"note: {assumed}; {advice}")
+    motions = [record for record, why in zip(read, reasons, strict=True) if not why]
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
-    if not unique:
+    if not motions:
         hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
-    motions: list[GroundMotion] = [replace(record, event=quake) for record, quake, _ in unique]
-    sizes = [(record.source or record.name, facts(record)["pga_g"]) for record, _, _ in unique]
+    sizes = [(record.source or record.name, facts(record)["pga_g"]) for record in motions]
     low, (high, _) = _SMALLEST_PGA, PLAUSIBLE["pga"]
     if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not low <= x <= high]:
         usual = f"usual are {low:g} to {high:g} g"
         wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
-    for record, _, _ in unique:
+    for record in motions:
         a = np.abs(record.acceleration)
         # A mark of missing data has only nines in m/s^2, cm/s^2 or g.
         digits = (f"{a.max() / unit:.6g}".replace(".", "").strip("0") for unit in (1.0, STANDARD_GRAVITY))
         if np.sum(a > 0.999999 * a.max()) > 1 and any(re.fullmatch("9{3,}", x) for x in digits):
             wrong = "the largest sample has only nines and is repeated. Is it a mark of missing data?"
             messages.append(f"warning: {wrong} {record.source or record.name}")
-    return motions, messages + _unknown(motions) + same_earthquakes(motions)
+    return list(motions), messages + _unknown(motions) + same_earthquakes(motions)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
@@ -217,6 +209,14 @@ def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[st
 
     A place is the station, the component, and the name of the file without its extension.
     """
+    # Two sensors of a station have recorded one pair of motions. An accelerometer counts first.
+    one, two = (_TRACE.fullmatch(x.name) for x in (record, other))
+    if one and two and one[1] == two[1] and record.event == other.event:
+        rank, its_rank = (
+            (match[3][1] != "N", x.dt, match[2], match[3]) for match, x in ((one, record), (two, other))
+        )
+        if its_rank < rank:
+            return "another sensor of the station counts"
     # Most records have none of these notes, and count.
     marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
     if not marks or (record.event and other.event and not is_one(record.event, other.event)):
@@ -237,7 +237,8 @@ def same_earthquakes(motions: Sequence[GroundMotion]) -> list[str]:
     for record, name in zip(motions, events_of(motions), strict=True):
         texts.setdefault(name, set()).add(getattr(record, "event", "") or "an earthquake without a name")
     one = "; ".join(sorted(" = ".join(sorted(events)) for events in texts.values() if len(events) > 1))
-    return [f"note: these count as one earthquake by their dates, names or samples: {one}"] if one else []
+    advice = "`records.events` (--event FILE=NAME) can state others"
+    return [f"note: these count as one earthquake by dates, names or samples: {one}; {advice}"] if one else []
 
 
 def facts(motion: Record) -> dict[str, Any]:
@@ -299,7 +300,7 @@ def described(motions: Sequence[Any]) -> list[str]:
 
 def _unknown(records: Sequence[Any]) -> list[str]:
     """Return sentences on how many records state no orientation, and how many state no earthquake."""
-    advice = "and each counts as one; if some belong to the same earthquake, give `event`"
+    advice = "and count as one; state their earthquakes by `records.events` (--event FILE=NAME)"
     counts = {
         "orientation: used as horizontal": sum(UNKNOWN in record.notes for record in records),
         f"earthquake, {advice}": sum(not record.event for record in records),

@@ -51,9 +51,9 @@ def el_centro() -> Record:
         >>> len(record.acceleration), round(float(record.pga), 3)
         (1560, 3.127)
     """
-    # The table contains no name, so add it here.
+    # The table contains no direction and no name, so add them here.
     words = {"name": "El Centro/NS", "event": "Imperial Valley 1940-05-19", "source": "el-centro"}
-    return replace(_own("elcentro_1940_ns.csv.gz"), **words)
+    return replace(_own("elcentro_1940_ns.csv.gz", columns={"time (s)": 1, "NS (g)": 2}), **words)
 
 
 def loma_prieta() -> Record:
@@ -73,10 +73,10 @@ def loma_prieta() -> Record:
     return replace(record, name="San Francisco 1295 Shafter/360", event=event, source="loma-prieta")
 
 
-def _own(name: str) -> Record:
+def _own(name: str, **how: Any) -> Record:
     """Return a record of the package, which may be in a wheel."""
     with resources.as_file(resources.files("tpd").joinpath("records", "data", name)) as path:
-        return Record.read(path)
+        return Record.read(path, **how)
 
 
 def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
@@ -122,7 +122,7 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
             acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
             station = stations[row["RecordID"]]
             stated = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-            event = next((dated for dated in EARTHQUAKES if is_one(dated, stated)), stated)
+            event = next(dated for dated in EARTHQUAKES if is_one(dated, stated))
             name = f"RSN{row['RecordSequenceNumber']}/{stated}/{row['ComponentName'].rpartition('/')[2]}"
             scale = row["NormalizationFactor"] if normalised else 1.0
             records.append(Record(acceleration, row["DT"], scale=scale, name=name, event=event))

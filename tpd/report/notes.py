@@ -174,9 +174,8 @@ def _earthquakes(design: Design) -> Iterator[Note]:
     nameless = sum(getattr(m, "event", None) == "" for m in design.conditions.motions)
     if nameless and len(design.problem.groups) > 1:
         yield note(
-            f"{nameless} of the records name no earthquake, so a validation record may belong to an "
-            "earthquake that the search used. Give the names (--event), or a folder for each "
-            "earthquake."
+            f"{nameless} of the records name no earthquake and count as one. State their earthquakes by "
+            "`records.events` (--event FILE=NAME)."
         )
 
 

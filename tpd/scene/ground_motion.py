@@ -16,7 +16,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.checks import Real
 from tpd.formats.channel import GREATEST_PEAK, STANDARD_GRAVITY
-from tpd.scene.earthquakes import is_one
+from tpd.scene.earthquakes import STATED, UNSTATED, is_one
 
 LONGEST_FREE = 1e5
 """Longest free motion (s) that is simulated after a ground motion."""
@@ -112,17 +112,19 @@ class GroundMotion:
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     """Return the earthquake of every motion.
 
-    A motion without an earthquake has a name of its own. Copies of one motion, and motions whose files name
-    one earthquake differently, have the name of the first of them.
+    All records without an earthquake belong to one, and a pulse is one by itself. Copies of one motion, and
+    motions whose files name one earthquake differently, have the name of the first of them. Two different
+    names that the user states are two earthquakes.
     """
-    events = [getattr(m, "event", "") for m in motions]
-    names = [event or f"motion {i + 1}" for i, event in enumerate(events)]
+    events = [getattr(m, "event", f"pulse {i + 1}") for i, m in enumerate(motions)]
+    are_stated = [STATED in getattr(m, "notes", ()) for m in motions]
+    names = [event or UNSTATED for event in events]
     for j, i in itertools.combinations(range(len(events)), 2):
         # If two motions are copies with different names, both names belong to one earthquake. Replace the
         # name everywhere.
         if names[i] == names[j]:
             continue
-        is_named = bool(events[i] and events[j]) and is_one(events[i], events[j])
+        is_named = not (are_stated[i] and are_stated[j]) and is_one(events[i], events[j])
         if is_named or copy_factor(motions[i], motions[j]):
             names = [names[j] if name == names[i] else name for name in names]
     return names

@@ -56,7 +56,8 @@ class Record(GroundMotion):
     name: str = field(default="", kw_only=True)
     """Station and component."""
     event: str = field(default="", kw_only=True)
-    """Earthquake; records of one earthquake have the same text."""
+    """Name of the earthquake, with the date as 1979-10-15 or the year at its end. All records without a name
+    count as one earthquake."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Remarks of the reader, for example that the record is uncorrected."""
     source: str = field(default="", kw_only=True, compare=False)
@@ -148,9 +149,10 @@ class Record(GroundMotion):
         V2A, and text tables, each plain or compressed by gzip. Other formats are read by ObsPy
         (the extra `obspy`).
 
-        A table is read without options only if its whole header is understood; `tpd.formats.table` describes
-        the grammar. For any other table pass `columns`, `skip`, `unit` and `dt`. An option that contradicts
-        the file is rejected.
+        A table is read without `columns` only if one line above the numbers names all columns in the words
+        of `tpd.formats.table.NAMES`, with units in brackets or in a line such as "unit: g", or if it has one
+        column. The message about any other table shows its columns, and options with places to fill in. An
+        option that contradicts the file is rejected.
 
         Args:
             path: path of the file.
@@ -164,13 +166,13 @@ class Record(GroundMotion):
                 none.
             columns: numbers of the columns of a table, from 1, by their names, such as `{"time (ms)": 1, "N":
                 2, "E (gal)": 3}`; columns that are not listed are ignored. "rows" means that the samples
-                continue row by row.
+                continue row by row. With names the lines above the numbers need not be understood.
             skip: number of lines at the top of a table that are skipped.
             factor: factor by which all samples are multiplied.
 
         Raises:
             ValueError: the file is damaged, incomplete, contradictory or of an unknown format, or it has
-                several channels and none is chosen. The message is one sentence.
+                several channels and none is chosen.
             FileNotFoundError: the file does not exist.
 
         Example:
