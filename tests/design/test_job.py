@@ -101,8 +101,8 @@ def test_an_empty_job_file_describes_the_block_of_the_paper():
     assert (job.starts, jobs.job_of(JOBS["starts"]).starts) == (Starts.any(), Starts.rest())
     assert job.limits == limits.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (4, 256, 40)
-    assert (job.method.corrections, job.method.polish) == (4, 40)
+    assert (job.method.searches, job.method.screening, job.method.steps) == (4, 256, 20)
+    assert (job.method.corrections, job.method.polish) == (4, 60)
     assert job.objective == limits.Settling()
     assert (job.risk, job.ensemble, job.requirements) == (
         tpd.Risk.cvar(),

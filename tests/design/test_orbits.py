@@ -261,17 +261,3 @@ def test_an_orbit_that_stops_attracting_becomes_worse_by_one():
         np.testing.assert_array_equal(e.merit[names == kind], e.remaining[names == kind] + more)
     assert np.quantile(e.merit[names == "rocking"], 0.95) < np.quantile(e.merit[names == "unstable"], 0.05)
     assert np.all(e.merit[names == "no_orbit"] > 2.0)
-
-
-def test_a_required_uplift_margin_is_a_limit_with_exact_slopes():
-    o = orbits(limits=())
-    designs = np.array([[0.05, 0.4, 0.1], [0.1, 0.8, 0.3]])
-    least = np.full(len(o.conditions), -np.inf)
-    least[0] = 0.1
-    value, slope = dataclasses.replace(o, least_margins=least).constraints(o.evaluate(designs))
-    np.testing.assert_allclose(value[:, 0], 0.1 - o.margins(designs)[:, 0])
-    assert np.all(value[:, 1:] < 0.0), "minus infinity is no limit"
-    for i in range(3):
-        step = 1e-6 * np.eye(3)[i]
-        quotient = (o.margins(designs + step) - o.margins(designs - step)) / 2e-6
-        np.testing.assert_allclose(-slope[..., i], quotient, rtol=1e-5, atol=1e-7)
