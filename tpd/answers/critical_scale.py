@@ -143,6 +143,7 @@ def critical_scale(
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if highest is not None:
         highest = checks.within("highest", highest, 1e-9, 1e9)
+    # As in `tpd.transient`, the linear model is the default.
     model = Piecewise() if model is None else model
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
     pieces, late = jnp.asarray(scene.excitation.pieces()), free * rate

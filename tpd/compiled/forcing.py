@@ -50,11 +50,13 @@ def span_of(q, f):
 def load_at(q, f, i, s):
     """Return the forcing from the local time `s` of piece i on."""
     h, zero = q.xi, 0.0 * (q.xi * s)
+    # Numba must see the same type of number in all branches.
     if f.harmonic:
         return Load(h + zero, h * s, f.share + f.rate * s + zero, f.rate + zero, zero, zero)
     if i >= f.pieces:
         return Load(zero, zero, zero, zero, zero, zero)
     c0, c1, c2, c3 = f.cubics[i]
+    # The coefficients of the piece for powers of the time, moved to the local time s.
     a, b, g = c1 / h, c2 / (h * h), c3 / (h * h * h)
     e0, e1 = c0 + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
     return Load(zero, zero, e0, e1, b + 3.0 * s * g, g + zero)

@@ -128,6 +128,7 @@ def _order_of(q, leg):
     The series of a small motion has few orders, which may be too few for its derivatives.
     """
     # Each order of a motion is at most x/n times the last one.
+    # The terms up to the order of the leg exist anyway; more are added while the last one counts.
     x, n, term = leg.duration * q.quick.real, leg.order, 1.0
     for k in range(1, leg.order + 1):
         term *= x / k
@@ -238,6 +239,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
     slope = 0.0
     if event != CONTINUES and event < END:
         _, slope = series.value_and_slope(w, _signal(event), order, t)
+    # In (25) the impact does not depend on the bob's angle.
     block, bob = impact(q, leg.rests, leg.tilt, 0.0)
     w.trial.kind, w.trial.tilt, w.trial.direction = leg.kind, 0.0, 0.0
     free, d = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), r.dy
@@ -259,6 +261,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
         shift = before if event == CONTINUES else 0.0
         if event != CONTINUES and event < END and slope != 0.0:
             value = y[TILT_RATE] if event == TURN else y[TILT]
+            # A held block is released by the moment on it.
             if event > TURN:
                 value = q.up * y[TILT] - (q.up - 1.0) * y[SWING] + q.bias * y[SWING_RATE]
                 value = -value if event == RELEASE_UP else value
@@ -317,6 +320,7 @@ def _nearest_leg(q, f, legs, count):
         leg = legs[n]
         if leg.piece < f.pieces:
             break
+        # At rest in the unstable equilibrium the bob hangs still.
         tilt, y = unstable_tilt(q, leg.tilt, leg.direction), leg.y
         distance = abs(y[TILT] - tilt) + abs(y[SWING]) + abs(y[TILT_RATE]) + abs(y[SWING_RATE])
         if leg.kind == SLIP and distance < best:
@@ -339,6 +343,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
         if m.peak_legs[k] == _BEGINNING:
             for j in range(first, inputs):
                 by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
+    # Under a harmonic there is neither a first uplift nor a free motion.
     growing, uplift_leg, nearest, last = 0.0, -1, -1, count
     if not f.harmonic:
         uplift_leg, nearest = _uplift_leg(legs, count), _nearest_leg(q, f, legs, count)

@@ -92,6 +92,7 @@ def reset_counts(m):
 @compiled
 def reset_angles(m):
     """Start to record the largest angles and the hold level from the present state on."""
+    # Both sides are recorded: their difference shows whether a motion is symmetric.
     m.hold_level = 2.0 if m.kind != SLIP else 0.0
     for k in range(6):
         m.peaks[k], m.peak_legs[k] = angle_of(m.y[TILT], m.y[SWING], k), -1
@@ -112,6 +113,7 @@ def update_angle(m, k, angle, tau, offset):
 @compiled
 def update_angles(m, phi, psi, tau, offset):
     """Update the largest angles with phi and psi, see `update_angle`."""
+    # The third angle is that between rod and block, which limits the bob in a cavity.
     for k in range(3):
         angle = phi if k == TILT else (psi if k == SWING else psi - phi)
         # Only the side of the angle is updated: on the other side the angle is negative.

@@ -134,6 +134,7 @@ def _follow_ground(a, first, last, history, buffers):
     (q, m, w, r), now, here = records_of(buffers), np.empty(6), np.empty(1, LEG)
     for n in range(first, last):
         f = pieces(forcing, s[n], n)
+        # Every run may have other parameters and settings.
         series.prepare(x[n], s[n], q, w)
         # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
         # system assigns memory only when it is written, so that a large array costs nothing.
@@ -153,6 +154,7 @@ def _follow_ground(a, first, last, history, buffers):
             store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
             view(ends, (last,), np.float64)[n] = status
             continue
+        # The results without derivatives.
         out = view(results, (last,), RUN)[n]
         store_results(m, status, out)
         if not slopes:

@@ -161,6 +161,7 @@ def settle(x, buffers, s, since, ramp, out):
     (q, m, w, r), trial, legs = records_of(buffers), buffers.motions[TRIAL], np.empty(0, LEG)
     series.prepare(x, s, q, w)
     fill_plants(x, 0, s.linear, r)
+    # No legs are recorded before an orbit is searched for, and linear runs take strides.
     scales, y, tolerance, events = set_scales(q, w), m.y, s.tolerance, int(s.events)
     limits = Limits(events, (STATE, INPUTS), NEARBY)
     past = Past(np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2))
@@ -185,7 +186,8 @@ def settle(x, buffers, s, since, ramp, out):
         # Largest angles of this period, and of the whole run.
         peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
         peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
-        # States before the excitation became steady do not count for a repetition or for rest.
+        # States before the excitation became steady do not count for a repetition or for rest. A run that has
+        # ended is judged by its outcome.
         is_steady = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
         # A block that is held at the end of a period may be held permanently.

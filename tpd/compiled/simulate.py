@@ -131,6 +131,7 @@ def accuracy(equations: Terms, rtol: Any = EXACT) -> dict[str, Any]:
 
     The tolerance counts for the nonlinear model only.
     """
+    # The compiled code has one number for the equations, and a tolerance for both.
     linear = equations is Terms.linear
     return {"linear": float(linear), "rtol": EXACT if linear else checks.tolerance("rtol", rtol)}
 

@@ -76,6 +76,7 @@ def _turns(before, after, bound):
 def _end_of(stride, y, z, columns, centre, out):
     """Write the state at the end of a stride into `out`, with the bounds of the four signals after it."""
     z[TILT], z[SWING], z[TILT_RATE], z[SWING_RATE] = y[TILT] - centre, y[SWING], y[TILT_RATE], y[SWING_RATE]
+    # Maps and bounds are read together, because both need the same state.
     for i in range(4):
         value, bound = 0.0, 0.0
         for k in range(columns):
@@ -95,6 +96,7 @@ def follow_strides(q, f, m, w, i, s, end, limit):
     stride = w.of_strides[0 if slips else 1]
     if stride.ready == _UNKNOWN:
         _prepare(q, m, f, w, stride)
+    # The remaining time may be shorter than a stride. The series then ends the piece.
     h = w.stride
     if stride.ready == _USELESS or end - s < h * (1.0 - _LATE):
         return s
@@ -134,6 +136,7 @@ def follow_strides(q, f, m, w, i, s, end, limit):
         if w.relative and _turns(y[SWING_RATE] - y[TILT_RATE], r - v, of_r + of_v):
             far = max(abs(y[SWING] - y[TILT]), abs(psi - phi)) + of_psi + of_phi
             clear = clear and far <= m.peaks[larger_side(m, APART)]
+        # Without a proof nothing of this stride is kept.
         if not clear:
             return s
         y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE] = phi, psi, v, r

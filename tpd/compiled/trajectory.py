@@ -34,6 +34,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
 
     After the end of the run the states are NaN.
     """
+    # The times are those of a run under the steady harmonic, without a growing excitation.
     series.prepare(x, s, q, w)
     set_scales(q, w)
     slopes, y, f, period, now = s.slopes != 0.0, m.y, harmonic(), w.period, np.empty(6)
@@ -73,6 +74,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
             elif ended != ARRIVED:
                 status = OVERTURNED if ended == BEYOND else EVENT_BOUND
             t, whole = (end, whole) if arrived else (0.0, whole + 1)
+        # A leg of zero length has the accelerations of the present state.
         m.n_legs = 0
         record_leg(m, here, whole, t, 0.0, 4, STOP)
         store_state_at(q, f, here[0], 0.0, w, now)
