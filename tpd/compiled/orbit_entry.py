@@ -44,7 +44,7 @@ def _run(a, first, last):
     """
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
-    x, works = view(design, (last, WIDTH), np.float64), np.empty(1, WORK)
+    x, works = view(design, (last, WIDTH), np.float64), np.zeros(1, WORK)
     task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
     if task == SOLVE:
         orbits = view(third, (last, ORBITS), ORBIT)
