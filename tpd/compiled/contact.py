@@ -66,7 +66,7 @@ def decide(q, y, tilt, direction, eta, mode):
     lifts = 0.0
     if direction == 0.0:
         # A block that does not move stays held as long as friction balances the excess moment. On the base
-        # each direction has an excess of its own, because weight resists both. From the base the block tilts
+        # each direction has another excess, because weight resists both. From the base the block tilts
         # to the side to which it moves.
         side, friction = (1.0 if tilt == 0.0 else tilt), q.k + q.slack
         up = excess(q, y[TILT], y[SWING], y[SWING_RATE], side, eta)

@@ -13,7 +13,7 @@ import numpy as np
 from tpd.compiled.plant import compiled
 
 YES, NO, FIRST_PIECE = np.bool_(True), np.bool_(False), np.int64(0)
-"""NumPy scalars for constants. Numba treats a plain Python constant as a type of its own and would compile a
+"""NumPy scalars for constants. Numba treats each plain Python constant as another type and would compile a
 function once more for each of them."""
 
 Forcing = namedtuple("Forcing", "harmonic share rate pieces cubics")

@@ -337,7 +337,7 @@ def expand(q, m, y, e, remaining, w):
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
     order = terms(q, m, e, remaining, w.order, w)
-    # Under a ground motion the angle between rod and block is a result of its own.
+    # Under a ground motion the angle between rod and block is another result.
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
     if order < w.order:

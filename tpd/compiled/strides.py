@@ -50,7 +50,7 @@ def _prepare(q, m, f, w, stride):
         series.terms(q, trial, e, math.inf, order, w)
         for i, row in enumerate(rows):
             stride.map[i, k] = series.value_at(w, row, order, w.stride)
-            # Of a held block the moment is watched in place of the tilt.
+            # Of a held block the moment is watched instead of the tilt.
             watched = series.DOWN if row == series.PHI and m.kind != SLIP else row
             bend, power = 0.0, 1.0
             largest = max(abs(c[row, series.VALUE]), abs(c[row, series.SLOPE]) * w.stride)

@@ -112,7 +112,7 @@ class GroundMotion:
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     """Return the earthquake of every motion.
 
-    All records without an earthquake belong to one, and a pulse is one by itself. Copies of one motion, and
+    All records without an earthquake belong to one, and each pulse is another. Copies of one motion, and
     motions whose files name one earthquake differently, have the name of the first of them. Two different
     names that the user states are two earthquakes.
     """
