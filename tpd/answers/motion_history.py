@@ -27,8 +27,8 @@ motion, and their number depends on the rate at which the block is set to rest."
 class MotionHistory:
     """Time history of a block under a ground motion, from the exact solution of the linear model.
 
-    Rows are NaN from the time at which an overturning block reaches a right angle, and after the end of a
-    motion without a result.
+    Rows are NaN from the time at which an overturning block reaches a right angle or counts as overturned
+    (`Transient.overturning_time`), and after the end of a motion without a result.
     """
 
     times: np.ndarray

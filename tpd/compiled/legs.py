@@ -23,7 +23,7 @@ from tpd.compiled.columns import (
     TILT_RATE,
     WIDTH,
 )
-from tpd.compiled.contact import impact
+from tpd.compiled.contact import excess, impact
 from tpd.compiled.forcing import Load, forcing_now, harmonic, load_at, span_of
 from tpd.compiled.motion import (
     CONTINUES,
@@ -263,7 +263,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
             value = y[TILT_RATE] if event == TURN else y[TILT]
             # A held block is released by the moment on it.
             if event > TURN:
-                value = q.up * y[TILT] - (q.up - 1.0) * y[SWING] + q.bias * y[SWING_RATE]
+                value = excess(q, y[TILT], y[SWING], y[SWING_RATE], 0.0, 0.0)
                 value = -value if event == RELEASE_UP else value
             shift = -value / slope
         # Changes at the shifted time.
