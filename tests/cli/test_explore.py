@@ -7,6 +7,8 @@ import pytest
 import tpd
 from tests.cli.conftest import call
 from tests.explore import made
+from tpd.report import files
+from tpd.report.blocks import Report, Summary, note
 
 
 @pytest.fixture
@@ -14,7 +16,9 @@ def report(tmp_path):
     """A directory with the files of a report that count here."""
     folder = tmp_path / "tower"
     made.stored(folder)
-    (folder / "report.html").write_text('<h1>Report</h1>\n<div class="first">\n</div>\n')
+    summary = Summary(note("RECOMMENDED"), (), (), None)
+    (folder / "report.html").write_text("<h1>A tower</h1>")
+    (folder / "report.json").write_text(files.data(Report("A tower", summary, (), ())))
     return folder
 
 
@@ -28,6 +32,11 @@ def test_explore_writes_its_page_into_the_report_and_links_it(report):
     expected = tpd.explore(tpd.read_design(report)).html
     assert page == expected
     assert 'href="explore.html"' in (report / "report.html").read_text()
+    for _ in range(2):
+        call("explore", str(report), "--out", str(report / "tower&roof.html"), "--overwrite")
+        text = (report / "report.html").read_text()
+        assert text.count('<a href="tower%26roof.html">Explore this design</a>') == text.count("Explore") == 1
+        assert text.index("RECOMMENDED</p>") < text.index("Explore") < text.index('<div class="first">')
     again = call("explore", str(report))
     assert again.status == 2
     assert "explore.html exists already: choose another name with --out, or pass --overwrite" in again.err

@@ -1,17 +1,15 @@
-"""The page as a text: data that cannot end its script, a frame for notebooks, a file, and a link to it."""
+"""The page as a text: data that cannot end its script, a frame for notebooks, and a file."""
 
 import html
 import json
 import re
-from importlib import resources
 
 import pytest
 
 import tpd
 from tests.designs import SCENE
 from tpd.design.job import job_of
-from tpd.explore import page as page_module
-from tpd.explore.page import Page, explore, link
+from tpd.explore.page import Page, explore
 
 
 def data(page: Page) -> dict:
@@ -61,24 +59,7 @@ def test_a_page_is_written_as_a_file(page, tmp_path):
     assert path.read_text(encoding="utf-8") == page.html
 
 
-def test_a_report_links_to_the_page_once(tmp_path):
-    report, page = tmp_path / "report.html", tmp_path / "explore.html"
-    assert link(page) is None
-    before = '<p class="verdict">yes</p>\n<div class="first">\n<p>more</p>\n</div>\n'
-    report.write_text(before)
-    for _ in range(2):
-        assert link(page) == report
-        text = report.read_text()
-        assert text.count('<a href="explore.html">Explore this design</a>') == 1
-        assert text.index("verdict") < text.index("explore.html") < text.index("first")
-
-
 def test_the_page_needs_64_bits(monkeypatch):
     monkeypatch.setattr("tpd.core.checks.require_x64", lambda: (_ for _ in ()).throw(RuntimeError("64")))
     with pytest.raises(RuntimeError, match="64"):
         explore(SCENE)
-
-
-def test_the_report_template_has_a_place_for_the_link():
-    template = resources.files("tpd.report").joinpath("page.html.j2").read_text(encoding="utf-8")
-    assert template.count(page_module._BELOW) == 1

@@ -1,8 +1,7 @@
-"""Files of a report: all of them, tables, pictures, and the answer of an engine in them."""
+"""Files of a report: all of them, tables, pictures, and the answers of later commands in them."""
 
 import csv
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,8 @@ from tests.report.conftest import details, harmonic, rejected, tuned
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
-from tpd.report.files import ENGINE, FRAGILITY, add_section, motion_csv, response_csv, write
+from tpd.report.blocks import Code, Section
+from tpd.report.files import add_to, motion_csv, response_csv, write
 
 
 def stub(name: str, *_) -> bytes:
@@ -30,7 +30,15 @@ def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monke
     toml = "[block]\nwidth = 0.1\n"
     written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml, overwrite=True)
     names = [path.name for path in written]
-    data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv", "trials.csv"]
+    data = [
+        "report.txt",
+        "design.json",
+        "report.json",
+        "scene.toml",
+        "response.csv",
+        "motion.csv",
+        "trials.csv",
+    ]
     drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
     assert names == [*data, *drawn, "animation.gif", "report.html"]
     head, rows = read((tmp_path / "out" / "trials.csv").read_text())
@@ -102,48 +110,45 @@ def test_time_histories_and_responses_are_written_as_csv():
     assert read(response_csv((without,)))[0] == ["frequency_Hz", *sizes[:5]]
 
 
-class Verdict(SimpleNamespace):
-    """Answer of an engine."""
+def test_text_and_page_contain_the_last_result_of_each_later_command(tmp_path, monkeypatch):
+    monkeypatch.setattr("tpd.plots.results.draw", stub)
+    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
+    before, first = ((tmp_path / f"report.{kind}").read_text() for kind in ("txt", "html"))
+    engine, fragility = "Contact engine", "Fragility"
+    table = "        first  second\nrow of   1.0     2.0"
 
-    def __str__(self) -> str:
-        table = "        first  second  third\nrow of   1.0     2.0    3.0"
-        return f"table of {self.engine} & more\n\n{table}\n\nEnd."
+    def add(title, answer, warning=""):
+        return add_to(tmp_path / "design.json", Section(title, (Code(answer),), warning))
 
-
-def test_a_second_engine_run_replaces_the_section_of_the_first(tmp_path):
-    (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
-    (tmp_path / "report.html").write_text('<body>\n<p class="verdict note">verdict</p>\n</body>\n')
-    for warning in ("DANGER: by MuJoCo it harms", ""):
-        found = Verdict(engine="MuJoCo", warning=warning)
-        assert [p.name for p in add_section(tmp_path, ENGINE, str(found), warning)] == [
-            "report.txt",
-            "report.html",
-        ]
-        text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
-        assert text.startswith(warning or "verdict")
-        assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
-        assert text.count("Independent contact engine\n") == 1
-        # A table of the text is a table of the page.
-        assert "<th></th><th>first</th><th>second</th><th>third</th></tr>\n<tr><td>row of</td>" in page
-        assert "<p><br>End.</p>" in page
-        assert page.count('<p class="danger">') == bool(warning)
-        assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
-
-
-def test_a_section_is_added_to_the_report_of_a_design_file(tmp_path):
-    (tmp_path / "report.txt").write_text("verdict\n")
-    assert add_section(tmp_path / "design.json", FRAGILITY, "medians") == [tmp_path / "report.txt"]
-    assert (tmp_path / "report.txt").read_text().count("medians") == 1
-    assert add_section(None, FRAGILITY, "medians") == []
+    # The answer of a command replaces its earlier one, and those of other commands remain.
+    add(engine, "an old table", "by MuJoCo <it> harms")
+    text, page = ((tmp_path / f"report.{kind}").read_text() for kind in ("txt", "html"))
+    assert text.startswith(f"DANGER: by MuJoCo <it> harms\n{before}\n{engine}\n{'-' * 14}\nan old table\n")
+    assert page.index("DANGER: by MuJoCo &lt;it&gt; harms") < page.index('<p class="verdict')
+    add(fragility, "medians & more")
+    paths = add(engine, table)
+    assert [path.name for path in paths] == ["report.json", "report.txt", "report.html"]
+    text, page = ((tmp_path / f"report.{kind}").read_text() for kind in ("txt", "html"))
+    answers = (f"\n{engine}\n{'-' * 14}\n{table}\n", f"\n{fragility}\n{'-' * 9}\nmedians & more\n")
+    assert text == before + "".join(answers)
+    parts = [f"<summary>{engine}</summary>\n<pre>{table}</pre>\n</details>\n<details>\n"]
+    parts.append(
+        f"<summary>{fragility}</summary>\n<pre>medians &amp; more</pre>\n</details>\n</body>\n</html>"
+    )
+    assert page == first.replace("</body>\n</html>", "<details>\n" + "".join(parts))
+    # A pendulum of options has no report, and a folder may have none.
+    assert add_to(None) == add_to(tmp_path.parent) == []
 
 
-def test_sections_of_several_commands_keep_their_order(tmp_path):
-    (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
-    for title, content in ((ENGINE, "table 1"), (FRAGILITY, "medians"), (ENGINE, "table 2")):
-        add_section(tmp_path, title, content)
-    text = (tmp_path / "report.txt").read_text()
-    engine, fragility = (f"{title}\n{'-' * len(title)}\n" for title in (ENGINE, FRAGILITY))
-    assert text == f"verdict\n\nbody\n\n{engine}table 2\n\n{fragility}medians\n"
+@pytest.mark.parametrize("name", ["report.json", "drawing.svg"])
+def test_a_report_with_a_damaged_file_remains_as_it_is(name, tmp_path, monkeypatch):
+    monkeypatch.setattr("tpd.plots.results.draw", stub)
+    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
+    (tmp_path / name).write_text('{"title": "half')
+    files = {path.name: path.read_bytes() for path in tmp_path.glob("[!.]*")}
+    with pytest.raises(ValueError, match=r"is not the data of a report: run the job|must hold SVG, PNG or"):
+        add_to(tmp_path, Section("Fragility", (Code("medians"),)))
+    assert files == {path.name: path.read_bytes() for path in tmp_path.glob("[!.]*")}
 
 
 def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_path, monkeypatch):
@@ -160,6 +165,7 @@ def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_pat
     assert set(there) == {
         "report.txt",
         "design.json",
+        "report.json",
         "scene.toml",
         "response.csv",
         "motion.csv",

@@ -1,14 +1,16 @@
-"""A report as text and as a page."""
+"""A report as a page, also from its stored data."""
 
 import re
 from html.parser import HTMLParser
 
+import msgspec
 import pytest
 
 from tests.report.conftest import DESIGNS, details, harmonic
 from tpd.report.blocks import Code, Figure, Note, Report, Section, Summary, Table, Text, danger, note
 from tpd.report.content import content, figures
-from tpd.report.render import html, text
+from tpd.report.files import data
+from tpd.report.render import html
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -68,19 +70,18 @@ def test_the_page_embeds_its_pictures_and_loads_no_external_file():
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_page_and_text_report_have_equal_content_and_order(kind):
+def test_the_page_has_all_sections_in_order_and_the_stored_data_give_the_same_page(kind):
     found = content(DESIGNS[kind](), details(kind), "[block]\n")
-    said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
-    assert report.startswith(found.summary.verdict.marked)
-    # A section of pictures alone is not in the text.
-    titles = [s.title for s in found.sections if any(not isinstance(b, Figure) for b in s.blocks)]
-    for words in (said, report):
-        parts = [found.summary.verdict.text, *titles, f"Seed {DESIGNS[kind]().seed}."]
-        last = words.index(found.summary.verdict.text)
-        for part in parts[1:]:
-            last = words.index(part, last + 1)
-        assert all(cell in words for row in found.summary.rows for cell in row)
-        assert found.summary.comparison.caption in words
+    page = html(found, {})
+    said = " ".join(read(page).text.split())
+    parts = [*(s.title for s in found.sections), f"Seed {DESIGNS[kind]().seed}."]
+    last = said.index(found.summary.verdict.text)
+    for part in parts:
+        last = said.index(part, last + 1)
+    assert all(cell in said for row in found.summary.rows for cell in row)
+    assert found.summary.comparison.caption in said
+    stored = msgspec.json.decode(data(found), type=Report)
+    assert (stored, html(stored, {})) == (found, page)
 
 
 def test_only_the_first_section_is_open_and_dangers_have_a_css_class():
@@ -127,12 +128,3 @@ def test_figures_without_a_file_are_left_out_of_the_page():
     assert "<figure>" in html(of(figure), {"a.png": PNG})
     with pytest.raises(ValueError, match="must hold SVG, PNG or GIF files only"):
         html(of(figure), {"a.png": b"BM"})
-
-
-def test_long_cells_of_a_text_table_are_printed_below_their_row():
-    rows = (("search", "because " * 20), ("path", "short"), ("none", None))
-    lines = text(of(Table(("from", "reasons"), rows))).splitlines()
-    assert lines[-7:-5] == ["from", "search"]
-    assert all(line.startswith("    because") for line in lines[-5:-3])
-    # An empty cell has no line of its own.
-    assert lines[-3:] == ["path", "    short", "none"]

@@ -22,8 +22,7 @@ from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
 from tpd.report import summary, words
-from tpd.report.blocks import wrapped
-from tpd.report.files import ENGINE, add_section
+from tpd.report.blocks import Code, Section, wrapped
 from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.no_uplift import SLIDES, AtRest
 
@@ -137,8 +136,8 @@ def _check_by_engine(scene: Scene, pendulum: Pendulum | None, options: argparse.
         comparison = mujoco(scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
     print_answer("", str(comparison), "")
     _write(options, str(comparison))
-    for path in add_section(options.design, ENGINE, str(comparison), comparison.warning):
-        print(f"written: {path}")
+    section = Section("Independent contact engine", (Code(str(comparison)),), comparison.warning)
+    common.add_to_report(options, section)
     if pendulum is None:
         print("The report has no pendulum. The engine simulated only the block without a pendulum.")
         return UNSOUND

@@ -28,12 +28,13 @@ def run(options: argparse.Namespace) -> int:
     with terminal.announced(f"computing the orbits and runs of the page {out}"):
         common.set_up_jax(job)
         # JAX must be set up before a module imports it.
-        from tpd.explore.page import explore, link
+        from tpd.explore.page import explore
+        from tpd.report.files import add_to
 
         page = explore(subject)
     print(f"written: {files.place(out, page.html, files.REPORT, overwrite=options.overwrite)}")
-    if (report := link(out)) is not None:
-        print(f"linked from: {report}")
+    if written := add_to(out.parent, page=out.name):
+        print(f"linked from: {written[-1]}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):
         print("no browser was found: open the page yourself")
     return terminal.SOUND

@@ -22,8 +22,7 @@ from tpd.core.progress import Bar
 from tpd.design.job import Job
 from tpd.records.intensity import intensity_of, measure_of
 from tpd.records.read import in_words
-from tpd.report.blocks import wrapped
-from tpd.report.files import FRAGILITY, add_section
+from tpd.report.blocks import Code, Section, wrapped
 from tpd.report.json import json_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.scene import Pendulum
@@ -64,12 +63,12 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     yearly = (HOW_TO,) if rates is None else rates.sentences
     lines = [str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction]
     print_answer("", *lines)
-    for path in add_section(options.design, FRAGILITY, "\n".join([in_words(motions), *lines])):
-        print(f"written: {path}")
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
     outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures, overwrite=options.overwrite)
+    answer = Code("\n".join([in_words(motions), *lines]))
+    common.add_to_report(options, Section("Fragility under earthquakes", (answer,)))
     return SOUND
 
 

@@ -208,7 +208,7 @@ def _optimise(command: Parser) -> None:
     output = command.add_mutually_exclusive_group()
     _add_switch(output, "--quiet", "print only the verdict and the folder of the report")
     _add_switch(output, "--json", "print only the content of design.json")
-    _add_switch(output, "--verbose", "print the whole report")
+    _add_switch(output, "--verbose", "print all rows of the answer, however many lines they have")
     _add_out(command, "tpd-design", "folder for the report")
 
 

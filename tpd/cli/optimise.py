@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from functools import partial
 
 from tpd.cli import common
@@ -11,9 +12,9 @@ from tpd.core import files, progress
 from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve_problem
 from tpd.design.reasons import VALIDATED
-from tpd.report import answer
-from tpd.report.blocks import Summary
+from tpd.report.blocks import MOST, Report
 from tpd.report.files import write
+from tpd.report.render import text
 
 _FEWEST_LINES = 12
 """Smallest number of lines for the answer, even if there are many lines on the records."""
@@ -36,23 +37,19 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)
     # The lines on the records and the answer together should fit on a terminal.
-    lines = max(_FEWEST_LINES, answer.MOST - len(messages))
+    lines = sys.maxsize if options.verbose else max(_FEWEST_LINES, MOST - len(messages))
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
-    show = partial(_show, options, lines)
-    how = {"then": show, "warn": lambda message: progress.say(f"tpd: {message}")}
-    how |= {"overwrite": options.overwrite}
+    how = {"then": partial(_show, options), "warn": lambda message: progress.say(f"tpd: {message}")}
+    how |= {"overwrite": options.overwrite, "lines": lines}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 
-def _show(options: argparse.Namespace, lines: int, summary: Summary) -> None:
-    """Print the answer in the form that the options choose: by default at most `lines` lines."""
+def _show(options: argparse.Namespace, report: Report) -> None:
+    """Print the answer in the form that the options choose: by default the text of the report."""
     if options.json:
-        text = (options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n")
-    elif options.verbose:
-        text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
+        print_answer((options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n"))
     elif options.quiet:
-        text = f"{summary.verdict.marked}\n{options.out}"
+        print_answer(report.summary.verdict.marked, str(options.out))
     else:
-        text = "\n" + answer.in_lines(summary, lines)
-    print_answer(text)
+        print_answer("", text(report).removesuffix("\n"))

@@ -127,15 +127,15 @@ class EngineVerdict(Printed):
 
     @property
     def warning(self) -> str:
-        """Sentence that must precede the results; empty if there is nothing to warn of."""
+        """Danger that must precede the results; empty if there is none."""
         # A disagreement is the more serious warning, so it comes first.
         if self.disagrees:
             changes = f"{-100.0 * self.benefit:+.1f} points in {self.engine}"
             expected = f"{-100.0 * self.expected_benefit:+.1f} points in the nonlinear model"
             disagree = "the models disagree. The pendulum changes the mean tilt by"
-            return f"DANGER: {disagree} {changes}, and by {expected}."
+            return f"{disagree} {changes}, and by {expected}."
         if self.step_matters:
-            return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
+            return f"whether the pendulum helps in {self.engine} depends on its time step."
         return ""
 
     def table(self) -> str:
@@ -150,7 +150,14 @@ class EngineVerdict(Printed):
             f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction "
             f"coefficient {self.sliding:g} against sliding."
         )
-        lines = [*([self.warning] if self.warning else []), head, self.losses, "", self.table(), _MEANING]
+        lines = [
+            *([f"DANGER: {self.warning}"] if self.warning else []),
+            head,
+            self.losses,
+            "",
+            self.table(),
+            _MEANING,
+        ]
         return "\n".join(lines)
 
     def _rows(self, few: int) -> list[list[str]]:

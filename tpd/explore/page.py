@@ -15,8 +15,6 @@ from tpd.explore.content import Subject, content
 
 _MODULES = "rocking", "pendulum", "orbits", "figures", "app"
 """Modules of the page; each imports only from those before it."""
-_BELOW = '<div class="first">'
-"""Line of a report above which the link to the page stands."""
 _HEIGHT = 900
 """Height of the page in a notebook, pixels."""
 
@@ -74,18 +72,6 @@ def explore(design: Subject) -> Page:
     # A text of the user, such as the name of a project, must not end the script that holds it.
     data = data.replace("<", "\\u003c")
     return Page(template().replace("@DATA@", data))
-
-
-def link(page: Path) -> Path | None:
-    """Link a page from the report in the same directory; return the path of the report, None without one."""
-    report = page.with_name("report.html")
-    if not report.is_file():
-        return None
-    text, name = report.read_text(encoding="utf-8"), html.escape(page.name)
-    if f'href="{name}"' not in text:
-        line = f'<p><a href="{name}">Explore this design</a>: sliders, and a block that rocks.</p>'
-        files.place(report, text.replace(_BELOW, f"{line}\n{_BELOW}", 1))
-    return report
 
 
 def _finite(value: object) -> object:

@@ -6,12 +6,9 @@ from pathlib import Path
 
 from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
-from tpd.report.blocks import Summary, wrapped
+from tpd.report.blocks import MOST, Summary, wrapped
 from tpd.report.summary import summary
 
-MOST = 34
-"""Largest number of lines. The command prints up to nine lines on block and excitation before the search, so
-the whole output has at most forty-three lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
 _ALONE = "block", "excitation", "uplift", "sliding"

@@ -1,16 +1,20 @@
-"""Building blocks of a report: data classes that the text and the HTML page render."""
+"""Building blocks of a report: plain data, which JSON can store and which the terminal and the HTML page
+render."""
 
 from __future__ import annotations
 
 import enum
+import math
 import re
 import textwrap
-from dataclasses import dataclass
 from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import force_setattr
 
 from tpd.core.formatting import number
 
-_NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?")
+_NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?|infinite")
 """A number, or a number of per cent."""
 _UNIT = re.compile(
     r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))|(?<=\d N) (?=s/m|m)|(?<=\d N m) (?=s/rad)"
@@ -19,6 +23,9 @@ _UNIT = re.compile(
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
+MOST = 34
+"""Largest number of lines of a summary. The command prints up to nine lines on block and excitation before
+the search, so the whole output has at most forty-three lines."""
 _WIDTH = 100
 """Largest number of columns of a line of text. Tables may be wider."""
 
@@ -26,14 +33,13 @@ _WIDTH = 100
 class Severity(enum.Enum):
     """Importance of a note for an engineer who would build the design; the report lists dangers first."""
 
-    danger = 0
+    danger = "danger"
     """The block overturns more often with the pendulum, its base slides, or the bob touches a wall."""
-    note = 1
+    note = "note"
     """Another fact that affects the conclusions."""
 
 
-@dataclass(frozen=True)
-class Note:
+class Note(Struct, frozen=True, tag=True):
     """A statement of one or more sentences that the reader must not miss."""
 
     severity: Severity
@@ -48,16 +54,15 @@ class Note:
 danger, note = (partial(Note, severity) for severity in Severity)
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(Struct, frozen=True, tag=True):
     """A paragraph."""
 
     text: str
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows of cells below a row of column headings. Cells that are None or NaN have no value.
+class Table(Struct, frozen=True, tag=True):
+    """Rows of cells below a row of column headings. Cells that are None or NaN have no value. Infinite cells
+    become words, because JSON has no such numbers.
 
     Raises:
         ValueError: a row whose number of cells differs from the number of headings.
@@ -70,6 +75,16 @@ class Table:
     def __post_init__(self) -> None:
         for n in {len(row) for row in self.rows} - {len(self.head)}:
             raise ValueError(f"a row must have {len(self.head)} cells as the head has, but has {n}")
+        rows = (
+            (
+                x
+                if not isinstance(x, float)
+                else (float(x) if math.isfinite(x) else None if x != x else number(x))
+                for x in row
+            )
+            for row in self.rows
+        )
+        force_setattr(self, "rows", tuple(map(tuple, rows)))
 
     @property
     def cells(self) -> list[list[str]]:
@@ -89,8 +104,7 @@ class Table:
         ]
 
 
-@dataclass(frozen=True)
-class Figure:
+class Figure(Struct, frozen=True, tag=True):
     """A picture, identified by the name of its file.
 
     Raises:
@@ -107,15 +121,13 @@ class Figure:
             raise ValueError("`alt` must describe the picture, but is empty")
 
 
-@dataclass(frozen=True)
-class Listing:
+class Listing(Struct, frozen=True, tag=True):
     """A list of sentences."""
 
     items: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Code:
+class Code(Struct, frozen=True, tag=True):
     """A command, or the content of a file."""
 
     text: str
@@ -124,16 +136,16 @@ class Code:
 Block = Note | Text | Table | Figure | Listing | Code
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(Struct, frozen=True):
     """A part of a report with a title."""
 
     title: str
     blocks: tuple[Block, ...]
+    warning: str = ""
+    """Danger that precedes the verdict, if a later command reports one."""
 
 
-@dataclass(frozen=True)
-class Summary:
+class Summary(Struct, frozen=True):
     """Answer of the terminal, and first screen of the page."""
 
     verdict: Note
@@ -152,15 +164,31 @@ class Summary:
         return tuple(n for n in self.notes if n.severity is Severity.danger)
 
 
-@dataclass(frozen=True)
-class Report:
-    """A whole report, which the terminal, a text, a page and a file with all results render."""
+class Report(Struct, frozen=True):
+    """A whole report, which is rendered as the text of the terminal and as an HTML page."""
 
     title: str
     summary: Summary
     figures: tuple[Figure, ...]
     """Drawing and animation, beside the summary."""
     sections: tuple[Section, ...]
+    lines: int = MOST
+    """Largest number of lines of the summary in the text."""
+    added: tuple[Section, ...] = ()
+    """Sections of commands that ran later. Each has the answer of one command."""
+    page: str = ""
+    """Name of the file with the interactive page; empty without one."""
+
+    @property
+    def warnings(self) -> tuple[Note, ...]:
+        """Dangers of the added sections, which precede the verdict."""
+        return tuple(danger(section.warning) for section in self.added if section.warning)
+
+    @property
+    def pictures(self) -> set[str]:
+        """Names of the files of all figures."""
+        blocks = (block for section in self.sections for block in section.blocks)
+        return {block.name for block in (*self.figures, *blocks) if isinstance(block, Figure)}
 
 
 def glued(text: str) -> str:

@@ -8,17 +8,18 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+from msgspec.structs import replace
 
 from tpd.core import files
 from tpd.core.formatting import interval, number
 from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
 from tpd.report import construction, sections, words
-from tpd.report.blocks import Block, Cell, Code, Figure, Report, Section, Severity, Table, Text
+from tpd.report.blocks import MOST, Block, Cell, Code, Figure, Report, Section, Severity, Table, Text
 from tpd.report.summary import repeat, summary
 from tpd.scene.conditions import MEASURED
 
@@ -121,6 +122,7 @@ def content(
     project: Mapping[str, Any] = MappingProxyType({}),
     date: str = "",
     record_notes: Sequence[str] = (),
+    lines: int = MOST,
 ) -> Report:
     """Build the report of a design.
 
@@ -132,6 +134,7 @@ def content(
         project: table [project] of the job: name, author, checker and revision.
         date: date of the report, for the title.
         record_notes: notes of the reader on the files of the records.
+        lines: largest number of lines of the summary on the terminal.
     """
     # A picture whose data is missing has no figure, so the report does not refer to it.
     name = project.get("name") or ""
@@ -158,6 +161,7 @@ def content(
         summary=first,
         figures=tuple(drawn[name] for name in ("drawing.svg", "animation.gif") if name in drawn),
         sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
+        lines=lines,
     )
 
 

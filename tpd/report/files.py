@@ -1,18 +1,18 @@
 """Files of a report in one folder: text, JSON, job file, tables, pictures and HTML page.
 
-Results of other commands, such as those of an independent contact engine, can be added to the text and the
-page later."""
+The content of text and page is also stored as data. Later commands add their results to the data, and both
+are rendered again."""
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from html import escape
-from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from tpd.answers.response import Response
 from tpd.core import checks, files
@@ -20,16 +20,14 @@ from tpd.core.progress import Progress, shown
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.as_built import details as compute
 from tpd.design.design import Design
-from tpd.report.blocks import Summary
+from tpd.report.blocks import MOST, Report, Section
 from tpd.report.content import content, figures
 from tpd.report.json import as_json
 from tpd.report.render import html, text
 from tpd.scene.quantities import UNITS
 
-ENGINE, FRAGILITY = "Independent contact engine", "Fragility under earthquakes"
-"""Titles of the sections that other commands add to a report."""
-_MARKS = {ENGINE: "<!-- engine -->", FRAGILITY: "<!-- fragility -->"}
-"""Comments in the HTML page before and after everything that a second run of a command replaces."""
+DATA, TEXT, PAGE = "report.json", "report.txt", "report.html"
+"""Names of the files with the content of the report as data, as text and as a page."""
 
 
 def write(
@@ -41,7 +39,8 @@ def write(
     record_notes: Sequence[str] = (),
     *,
     overwrite: bool,
-    then: Callable[[Summary], None] = lambda summary: None,
+    lines: int = MOST,
+    then: Callable[[Report], None] = lambda report: None,
     warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
     """Write all files of a report and return their paths.
@@ -56,21 +55,22 @@ def write(
         job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
         record_notes: notes of the reader on the files of the records.
         overwrite: whether the folder may contain files.
-        then: function that is called with the summary when the numbers are written, before the first picture
+        lines: largest number of lines of the summary on the terminal.
+        then: function that is called with the report when the numbers are written, before the first picture
             is drawn.
         warn: function that is called with a sentence for each picture that cannot be drawn, and on files
             in the folder that do not belong to the report.
     """
     project, folder = job_tables.get("project", {}), directory if job_toml else None
-    report = content(design, details, job_toml, folder, project, files.today(), record_notes)
+    report = content(design, details, job_toml, folder, project, files.today(), record_notes, lines)
     results_json = as_json(design, details, report.summary, job_tables, record_notes)
-    tables = {"report.txt": text(report), files.REPORT: results_json}
+    tables = {TEXT: text(report), files.REPORT: results_json, DATA: data(report)}
     tables |= {"scene.toml": job_toml} if job_toml else {}
     tables |= _tables(design, details)
     results = files.Results(directory, files.REPORT, overwrite=overwrite)
     written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
-    then(report.summary)
+    then(report)
     # Matplotlib loads slowly. The numbers are written before, without it.
     from tpd.plots.results import draw
 
@@ -79,7 +79,7 @@ def write(
     pictures = {name: picture for name, picture in drawn.items() if picture is not None}
     written += [directory / name for name in pictures]
     # The page is written last, so that a folder with a page contains a complete report.
-    written.append(results.place("report.html", html(report, pictures)))
+    written.append(results.place(PAGE, html(report, pictures)))
     if remaining := results.remaining:
         warn(remaining)
     return written
@@ -118,7 +118,7 @@ def write_report(
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     paths = tpd.write_report(design, folder)
         >>> [path.name for path in paths]
-        ['report.txt', 'design.json', 'scene.toml', 'drawing.svg', 'report.html']
+        ['report.txt', 'design.json', 'report.json', 'scene.toml', 'drawing.svg', 'report.html']
     """
     checks.instance("design", design, Design)
     checks.optional("details", details, Details)
@@ -190,67 +190,38 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     return files.as_table(columns)
 
 
-def add_section(design: Path | None, title: str, content: str, warning: str = "") -> list[Path]:
-    """Add the result of another command to a report, and return the paths of the files that were changed.
+def add_to(folder: Path | None, section: Section | None = None, page: str = "") -> list[Path]:
+    """Add the answer of another command to a report, render it again, and return its files.
 
-    A warning is added before the verdict, and a section at the end. They replace those of an earlier run.
+    The report remains as it was if its data cannot be read or rendered.
 
     Args:
-        design: folder of the report, or a file in it; None for a pendulum without a report.
-        title: title of the section, `ENGINE` or `FRAGILITY`.
-        content: text of the section.
-        warning: text of the warning; empty without one.
+        folder: folder of the report, or a file in it; None for a pendulum without a report.
+        section: section with the answer, which replaces one with the same title.
+        page: name of the file with the interactive page.
+
+    Raises:
+        ValueError: the data of the report, or a picture of it, is damaged.
     """
-    written = []
-    if design is None:
-        return written
-    directory = design if design.is_dir() else design.parent
-    for name, add in (("report.txt", _add_to_text), ("report.html", _add_to_page)):
-        path = directory / name
-        if path.exists():
-            changed = add(path.read_text(encoding="utf-8"), title, content, warning)
-            written.append(files.place(path, changed))
-    return written
+    if folder is None:
+        return []
+    folder = folder if folder.is_dir() else folder.parent
+    try:
+        stored = (folder / DATA).read_bytes()
+    except FileNotFoundError:
+        return []
+    try:
+        report = msgspec.json.decode(stored, type=Report)
+    except msgspec.MsgspecError:
+        raise ValueError(f"{folder / DATA} is not the data of a report: run the job again") from None
+    sections = {x.title: x for x in (*report.added, *([section] if section else []))}
+    report = replace(report, added=tuple(sections.values()), page=page or report.page)
+    pictures = {name: (folder / name).read_bytes() for name in report.pictures if (folder / name).exists()}
+    # All files are rendered before the first is written.
+    rendered = {DATA: data(report), TEXT: text(report), PAGE: html(report, pictures)}
+    return [files.place(folder / name, content, files.REPORT) for name, content in rendered.items()]
 
 
-def _add_to_text(report: str, title: str, content: str, warning: str) -> str:
-    # A plain text has no marks: a section of an earlier run is recognised by its title, and the warning of an
-    # engine by the name of the engine in the first line.
-    first, *sections = re.split(rf"\n({ENGINE}|{FRAGILITY})\n-+\n", report.rstrip("\n"))
-    added = dict(zip(sections[::2], sections[1::2], strict=True)) | {title: content}
-    lines = first.rstrip("\n").split("\n")
-    if title == ENGINE and "MuJoCo" in lines[0]:
-        lines = lines[1:]
-    head = [warning] if warning else []
-    ends = (line for name, text in added.items() for line in ("", name, "-" * len(name), text.rstrip("\n")))
-    return "\n".join([*head, *lines, *ends]) + "\n"
-
-
-def _add_to_page(page: str, title: str, content: str, warning: str) -> str:
-    # Everything between two marks comes from an earlier run.
-    mark = _MARKS[title]
-    page = re.sub(f"{mark}.*?{mark}\n", "", page, flags=re.DOTALL)
-    if warning:
-        head = f'{mark}<p class="danger">{escape(warning)}</p>{mark}\n'
-        page = page.replace('<p class="verdict', head + '<p class="verdict', 1)
-    section = f"<section>\n<h2>{title}</h2>\n{_as_html(content)}\n</section>"
-    return page.replace("</body>", f"{mark}{section}{mark}\n</body>", 1)
-
-
-def _as_html(content: str) -> str:
-    """Return a text as paragraphs, and as tables where consecutive lines have three or more columns."""
-    # Two or more spaces separate the columns of a table, see `tpd.core.formatting.aligned`.
-    lines = [re.split(r"\s{2,}", escape(line.strip())) for line in content.splitlines()]
-    out = list[str]()
-    for is_table, group in groupby(lines, lambda cells: len(cells) > 2):
-        rows = list(group)
-        if not is_table:
-            out.append(f"<p>{'<br>'.join(' '.join(cells) for cells in rows)}</p>")
-            continue
-        # The first heading of a table can be empty.
-        count = max(map(len, rows))
-        rows = [[""] * (count - len(cells)) + cells for cells in rows]
-        tags = ("th", *("td" for _ in rows[1:]))
-        cells = ("".join(f"<{tag}>{x}</{tag}>" for x in row) for tag, row in zip(tags, rows, strict=True))
-        out.append("<table>" + "".join(f"<tr>{x}</tr>\n" for x in cells) + "</table>")
-    return "\n".join(out)
+def data(report: Report) -> str:
+    """Return the data of a report as JSON."""
+    return files.as_json(msgspec.to_builtins(report))

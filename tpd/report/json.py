@@ -10,6 +10,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
@@ -54,7 +55,7 @@ def as_json(
         "status": design.status.name,
         "verdict": first.verdict.text,
         "reasons": list(design.refusals),
-        "notes": first.notes,
+        "notes": [structs.asdict(n) for n in first.notes],
         "pendulum": pendulum,
         "hinge_damping_N_m_s_per_rad": None if pendulum is None else float(pendulum.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in _DESIGN},

@@ -14,7 +14,7 @@ from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.design.reasons import reduced
 from tpd.limits import Clearance, limit_of
-from tpd.report.blocks import Note, danger, note
+from tpd.report.blocks import Note, Severity, danger, note
 from tpd.report.words import exceeding, finite_max, overturned_between
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
@@ -45,7 +45,7 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
         all_notes += [*_from_rest(design, *cases), *_settled(exact), *_orbits(design, *cases)]
         if limit_of(design.problem.limits, Clearance) is None:
             all_notes += _without_walls(design, exact, design.pendulum)
-    return tuple(sorted(all_notes, key=lambda n: n.severity.value))
+    return tuple(sorted(all_notes, key=lambda n: n.severity is not Severity.danger))
 
 
 def _runs(design: Design) -> Iterator[Note]:
