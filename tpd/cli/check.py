@@ -23,6 +23,7 @@ from tpd.engines import mujoco
 from tpd.limits import Mass
 from tpd.report import summary, words
 from tpd.report.blocks import Code, Section, wrapped
+from tpd.report.files import add_to
 from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.no_uplift import SLIDES, AtRest
 
@@ -137,7 +138,8 @@ def _check_by_engine(scene: Scene, pendulum: Pendulum | None, options: argparse.
     print_answer("", str(comparison), "")
     _write(options, str(comparison))
     section = Section("Independent contact engine", (Code(str(comparison)),), comparison.warning)
-    common.add_to_report(options, section)
+    for path in add_to(options.design, section):
+        print(f"written: {path}")
     if pendulum is None:
         print("The report has no pendulum. The engine simulated only the block without a pendulum.")
         return UNSOUND

@@ -16,7 +16,7 @@ from tpd.design.stored_design import read_design
 from tpd.limits import check_cavity
 from tpd.records.read import summary
 from tpd.report import words
-from tpd.report.blocks import Section, wrapped
+from tpd.report.blocks import wrapped
 from tpd.scene.quantities import named
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
@@ -182,15 +182,6 @@ def print_header(
     rows = (*words.scene_lines(scene, motion), *rest, *point)
     lines = (line for row in rows for line in wrapped(row, rest=" " * 14))
     progress.say("\n".join((*notes, *lines)), sys.stdout)
-
-
-def add_to_report(options: argparse.Namespace, section: Section) -> None:
-    """Add the answer of a command to the report of its design, if it has one, and print the files."""
-    # The report needs its template engine, which other commands do not load.
-    from tpd.report.files import add_to
-
-    for path in add_to(options.design, section):
-        progress.say(f"written: {path}", sys.stdout)
 
 
 def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) -> Pendulum | None:

@@ -23,6 +23,7 @@ from tpd.design.job import Job
 from tpd.records.intensity import intensity_of, measure_of
 from tpd.records.read import in_words
 from tpd.report.blocks import Code, Section, wrapped
+from tpd.report.files import add_to
 from tpd.report.json import json_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.scene import Pendulum
@@ -68,7 +69,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
     outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures, overwrite=options.overwrite)
     answer = Code("\n".join([in_words(motions), *lines]))
-    common.add_to_report(options, Section("Fragility under earthquakes", (answer,)))
+    for path in add_to(options.design, Section("Fragility under earthquakes", (answer,))):
+        print(f"written: {path}")
     return SOUND
 
 

@@ -184,12 +184,6 @@ class Report(Struct, frozen=True):
         """Dangers of the added sections, which precede the verdict."""
         return tuple(danger(section.warning) for section in self.added if section.warning)
 
-    @property
-    def pictures(self) -> set[str]:
-        """Names of the files of all figures."""
-        blocks = (block for section in self.sections for block in section.blocks)
-        return {block.name for block in (*self.figures, *blocks) if isinstance(block, Figure)}
-
 
 def glued(text: str) -> str:
     """Return the text with no-break spaces between numbers and their units."""

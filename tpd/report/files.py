@@ -20,7 +20,7 @@ from tpd.core.progress import Progress, shown
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.as_built import details as compute
 from tpd.design.design import Design
-from tpd.report.blocks import MOST, Report, Section
+from tpd.report.blocks import MOST, Figure, Report, Section
 from tpd.report.content import content, figures
 from tpd.report.json import as_json
 from tpd.report.render import html, text
@@ -216,7 +216,9 @@ def add_to(folder: Path | None, section: Section | None = None, page: str = "") 
         raise ValueError(f"{folder / DATA} is not the data of a report: run the job again") from None
     sections = {x.title: x for x in (*report.added, *([section] if section else []))}
     report = replace(report, added=tuple(sections.values()), page=page or report.page)
-    pictures = {name: (folder / name).read_bytes() for name in report.pictures if (folder / name).exists()}
+    blocks = (*report.figures, *(block for part in report.sections for block in part.blocks))
+    paths = {folder / block.name for block in blocks if isinstance(block, Figure)}
+    pictures = {path.name: path.read_bytes() for path in paths if path.exists()}
     # All files are rendered before the first is written.
     rendered = {DATA: data(report), TEXT: text(report), PAGE: html(report, pictures)}
     return [files.place(folder / name, content, files.REPORT) for name, content in rendered.items()]

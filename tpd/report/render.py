@@ -11,9 +11,12 @@ from importlib import resources
 
 import jinja2
 
-from tpd.report.answer import in_lines
-from tpd.report.blocks import Code, Report, glued, wrapped
+from tpd.report.blocks import MOST, Code, Report, Summary, glued, wrapped
 
+_NAME = 14
+"""Width of the column with the names of the rows."""
+_ALONE = "block", "excitation", "uplift", "sliding"
+"""Rows about the block without a pendulum, which the command prints before the search."""
 _KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif", b"<?xml": "image/svg+xml", b"<svg": "image/svg+xml"}
 
 
@@ -28,6 +31,29 @@ def text(report: Report) -> str:
         answers = (block.text for block in section.blocks if isinstance(block, Code))
         lines += ["", section.title, "-" * len(section.title), *answers]
     return "\n".join(lines) + "\n"
+
+
+def in_lines(of: Summary, most: int = MOST) -> str:
+    """Return a summary as at most `most` lines, without the rows that the command prints before.
+
+    The table that compares both cases stands in the report only: the verdict has its main numbers.
+    """
+    # Verdict and dangers come first, because the last lines are the first to be left out.
+    parts = [wrapped(entry.marked) for entry in (of.verdict, *of.dangers)]
+    parts += [_row(name, text) for name, text in of.rows if name not in _ALONE]
+    last = [line for row in of.commands for line in _row(*row)]
+    # A long list of reasons must not hide the last lines, which say where the report is. Only whole rows are
+    # left out, because half of a sentence can mean the opposite of the whole.
+    if sum(map(len, parts)) + len(last) > most:
+        while len(parts) > 1 and sum(map(len, parts)) + len(last) >= most:
+            parts.pop()
+        last = [" " * _NAME + "(more in the report)", *last]
+    return "\n".join([line for part in parts for line in part] + last)
+
+
+def _row(name: str, text: str) -> list[str]:
+    """Return the lines of a row: its name, and its text beside it."""
+    return wrapped(text, f"  {name:<{_NAME - 2}}", " " * _NAME)
 
 
 def html(report: Report, pictures: Mapping[str, bytes]) -> str:
