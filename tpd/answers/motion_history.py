@@ -16,7 +16,7 @@ from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
-from tpd.theory.no_uplift import sliding_in_runs
+from tpd.theory.no_uplift import Sliding, sliding_in_runs
 
 STRONG = 0.01
 """Rate, divided by nu omega0, above which an impact counts as strong. Slower impacts belong to a rattling
@@ -177,8 +177,8 @@ def needed_friction(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pen
     return max((history.needed_friction for history in histories), default=np.nan)
 
 
-def sliding(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pendulum | None = None) -> str:
-    """Return the sentence of `sliding_in_runs` for a block under motions from rest, without a pendulum and,
+def sliding(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pendulum | None = None) -> Sliding:
+    """Return the result of `sliding_in_runs` for a block under motions from rest, without a pendulum and,
     if there is one, with it."""
     cases = {"without a pendulum": None} | ({} if pendulum is None else {"with the pendulum": pendulum})
     needed = {name: needed_friction(scene, motions, case) for name, case in cases.items()}

@@ -473,9 +473,8 @@ class PairedRuns(Printed):
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
         rows = [[f"{cases[0].equations.value} model", "with pendulum", "without"]]
-        # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
-        for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
-            rows.append([name, first, "" if name.startswith("bob") else second])
+        pairs = zip(cases[0].rows(), cases[1].rows(has_bob=False), strict=True)
+        rows += [[name, first, second] for (name, first), (_, second) in pairs]
         if self.undecided:
             rows.append([UNANSWERED_ROW, *(str(int(o.is_unanswered.sum())) for o in cases)])
         return "\n".join(aligned(rows))

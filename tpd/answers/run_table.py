@@ -213,8 +213,11 @@ class Runs(Printed, Tabular):
             "quantiles_50_90_99": {angle: self.quantiles(angle) for angle in ANGLES[:4]},
         }
 
-    def rows(self) -> list[tuple[str, str]]:
-        """Return the rows of a table: a label, and a share or quantiles as text."""
+    def rows(self, *, has_bob: bool = True) -> list[tuple[str, str]]:
+        """Return the rows of a table: a label, and a share or quantiles as text.
+
+        Without a pendulum the angle of the bob has no meaning, and its text is empty.
+        """
         out = [("overturned", str(self.share_overturned))]
         # Ground motions have a single kind of start.
         if len(self.starts) > 1:
@@ -222,8 +225,11 @@ class Runs(Printed, Tabular):
         # The report shows the same rows.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
-            values = self.quantiles(angle)
-            sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns") for v in values)
+            values = self.quantiles(angle) if has_bob or angle != "swing" else ()
+            sizes = (
+                f"{v:.4f}" if math.isfinite(v) else "unknown" if math.isnan(v) else "overturns"
+                for v in values
+            )
             out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
         return out
 

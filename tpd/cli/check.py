@@ -25,7 +25,7 @@ from tpd.report import summary, words
 from tpd.report.blocks import Code, Section, wrapped
 from tpd.report.files import add_to
 from tpd.scene.scene import Pendulum, Scene
-from tpd.theory.no_uplift import SLIDES, AtRest
+from tpd.theory.no_uplift import AtRest
 
 _OVERTURNED = (
     "THE BLOCK OVERTURNS from rest under the stated motion by a model of this table. This is one motion. The "
@@ -101,9 +101,9 @@ def _check_by_models(
     sentences = _ratios_outside(validation, problem.space)
     runs = validation.runs
     if runs is not None:
-        sentences.append(sliding(problem.scene, problem.stated_motions, pendulum))
+        friction = sliding(problem.scene, problem.stated_motions, pendulum)
         # Sliding comes first, because the runs do not describe a base that slides.
-        sentences.sort(key=lambda text: not text.startswith(SLIDES))
+        sentences.insert(0 if friction.slides else len(sentences), friction.sentence)
         sentences += [
             f"{runs.description}: {reduction(runs, validation.measure)}.",
             f"{words.exceeding(validation.over_limit, problem.allowed)}.",

@@ -32,12 +32,11 @@ def run(options: argparse.Namespace) -> int:
     if options.kind == "csv":
         # JAX is set up here and not before, so that the export of a model does not wait for it.
         common.set_up_jax(job)
-        columns, overturning = _columns(scene, pendulum)
+        columns, overturns = _columns(scene, pendulum)
         content = files.as_table(columns)
         # A column that ends with NaN belongs to a motion that was not followed to its end.
-        for name in (name for name, column in columns.items() if column[-1] != column[-1]):
-            case = name.partition("_")[0]
-            reason = "the block overturns" if case in overturning else "the motion has no solution"
+        for name in (name for name in overturns if columns[name][-1] != columns[name][-1]):
+            reason = "the block overturns" if overturns[name] else "the motion has no solution"
             print(f"{name}: {reason}; the cells after that time are empty")
     else:
         # Without a coefficient the exported model has the default one.
@@ -48,12 +47,12 @@ def run(options: argparse.Namespace) -> int:
     return SOUND
 
 
-def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
+def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], dict[str, bool]]:
     """Compute the motion from rest by the exact solution, without and with the pendulum.
 
     Returns:
-        Columns of the table by name, NaN after the block has overturned, and the cases ("without", "with")
-        in which it overturns.
+        Columns of the table by name, NaN after the block has overturned, and whether it overturns, by the
+        names of the columns with angles.
     """
     from tpd.answers.motion_history import motion_history
     from tpd.answers.run_table import cases_of
@@ -71,7 +70,8 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}
+    overturns = {"without_tilt_rad": angles[0][2]}
     if pendulum is not None:
         columns |= {"with_tilt_rad": angles[1][0], "with_swing_rad": angles[1][1]}
-    outcomes = zip(("without", "with"), angles, strict=False)
-    return columns, {case for case, (*_, has_overturned) in outcomes if has_overturned}
+        overturns |= dict.fromkeys(("with_tilt_rad", "with_swing_rad"), angles[1][2])
+    return columns, overturns

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             progress=lambda done, total: bar("ground motions", done, total),
         )
     scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
-    friction = wrapped(sliding(scene, scaled, pendulum))
+    friction = wrapped(sliding(scene, scaled, pendulum).sentence)
     rates = None if hazard is None else annual_rates(curves, hazard, seed=job.seed)
     yearly = (HOW_TO,) if rates is None else rates.sentences
     lines = [str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction]

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             lines.append(overturned_between(tuple(settled.values()), first, last))
     if settled:
         trains = [train_of(scene.excitation, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
-        lines += wrapped(sliding(scene, trains, pendulum))
+        lines += wrapped(sliding(scene, trains, pendulum).sentence)
     else:
         lines.append(outputs.PERIODIC_ONLY.format("--runs-from-rest N"))
     print_answer("", *lines)

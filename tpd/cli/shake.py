@@ -55,7 +55,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
     needed = {name: history.needed_friction for name, history in histories.items()}
     tilts = (float(motions[x][0].tilt) if x in motions else math.nan for x in CASES)
-    sentences = sliding_in_runs(needed, scene.block.base_friction), difference(*tilts)
+    sentences = sliding_in_runs(needed, scene.block.base_friction).sentence, difference(*tilts)
     closing = (line for text in sentences for line in wrapped(text))
     print_answer(*(line for table in tables for line in ("", *table)), "", *closing)
     results: dict[str, Any] = {}

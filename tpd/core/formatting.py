@@ -33,13 +33,18 @@ def number(x: float, digits: int = 4) -> str:
 
 def percent(share: float, digits: int = 0) -> str:
     """Format a share in per cent, by default without decimals: 0.25 is "25 %"."""
-    # Rounding first and adding zero turns "-0 %" into "0 %".
-    return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
+    return f"{per_cent(share, digits)} %"
+
+
+def per_cent(share: float, digits: int = 0) -> str:
+    """Format a share as a number of per cent without the sign: 0.25 is "25"."""
+    # Rounding first and adding zero turns "-0" into "0".
+    return f"{round(100.0 * share, digits) + 0.0:.{digits}f}"
 
 
 def ends(low: float, high: float, digits: int = 0, word: str = "to") -> str:
     """Format the ends of an interval of shares in per cent, such as "22 to 28 %"."""
-    return f"{percent(low, digits)[:-2]} {word} {percent(high, digits)}"
+    return f"{per_cent(low, digits)} {word} {percent(high, digits)}"
 
 
 def interval(value: float, low: float, high: float, digits: int = 0) -> str:

@@ -24,7 +24,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
-from tpd.theory.no_uplift import SLIDES, AtRest
+from tpd.theory.no_uplift import AtRest
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -75,9 +75,10 @@ class Assessment(Printed):
         for kind, rows in starts.items():
             lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
         lines += [f"{text}." for text in problem.yearly(problem.annual_rates([self.runs]))]
-        lines.append(sliding(problem.scene, problem.stated_motions))
+        friction = sliding(problem.scene, problem.stated_motions)
         # If the base slides, the runs do not describe the block.
-        return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))
+        lines.insert(0 if friction.slides else len(lines), friction.sentence)
+        return "\n".join(lines)
 
     @property
     def measures(self) -> str:

@@ -23,6 +23,7 @@ from tpd.design.validate import Validated
 from tpd.limits import LABELS, STILL, stroke_limit
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
+from tpd.theory.no_uplift import Sliding
 
 _MOST_REASONS = 6
 """Largest number of reasons that `print` shows."""
@@ -136,7 +137,7 @@ class Design(Printed):
         if status not in VALIDATED:
             return f"{text} In {runs.pairs} paired runs of these motions: {result}."
         only = "" if self.problem.has_earthquakes else " It holds for this harmonic excitation only."
-        head = status.value.partition(":")[0] + "".join(f", because {x}" for x in self.problem.missing)
+        head = status.head + "".join(f", because {x}" for x in self.problem.missing)
         return f"{head}: {result}.{only} This is not a safety assessment."
 
     @property
@@ -231,10 +232,10 @@ class Design(Printed):
         return self.best is not None and self.best.is_harmful
 
     @cached_property
-    def sliding(self) -> str:
-        """Sentence on the friction that the base needs with the best design; empty if none was validated."""
+    def sliding(self) -> Sliding | None:
+        """Friction that the base needs with the best design; None if no design was validated."""
         pendulum = None if self.best is None else self.best.pendulum
-        return "" if pendulum is None else sliding(self.scene, self.problem.stated_motions, pendulum)
+        return pendulum and sliding(self.scene, self.problem.stated_motions, pendulum)
 
     @property
     def rod_angle(self) -> np.ndarray:

@@ -35,7 +35,7 @@ from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.records.read import BUILT_IN
-from tpd.scene.conditions import MEASURES, Conditions, HalfWidth, under_all
+from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
@@ -74,8 +74,8 @@ resonance."""
 class Role(enum.Enum):
     """Use of a group of motions: by the search, or by the validation."""
 
-    tuned = "search records"
-    validation = "validation records"
+    tuned = "search"
+    validation = "validation"
 
 
 @dataclass(frozen=True)
@@ -310,8 +310,7 @@ class GroundMotionProblem(Problem):
         scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
         if len(scales) == 1:
             return {}
-        # The description may end with a remark behind a semicolon.
-        measure = MEASURES[self.conditions.intensity].partition(";")[0]
+        measure = MEASURE_NAMES[self.conditions.intensity]
         level = np.tile(scales, motions)
         return {f"{x:g} ({measure})": level == x for x in scales}
 
@@ -534,7 +533,7 @@ def grouped(
 def _name(role: Role, motions: Sequence[GroundMotion]) -> str:
     """Return the name of the group with a role. A pulse is no record."""
     is_record = any(isinstance(motion, Record) for motion in motions)
-    return role.value if is_record else role.value.replace("records", "pulses")
+    return f"{role.value} {'records' if is_record else 'pulses'}"
 
 
 def _others(

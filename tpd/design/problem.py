@@ -24,7 +24,7 @@ from tpd.core.formatting import compared
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job, job_of
-from tpd.design.reasons import DesignStatus, Reason, ReasonKind
+from tpd.design.reasons import AFTER_PUSH, STAYS, DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_fit
@@ -407,10 +407,8 @@ class Problem(ABC):
         if status is DesignStatus.slides:
             at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        # The margin belongs between the two sentences of the status.
-        verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-        times, _ = compared(alone.margin, 1.0)
-        return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
+        stays, (times, _) = f"{DesignStatus.no_uplift.head}: {STAYS}", compared(alone.margin, 1.0)
+        return f"{stays}, and an excitation that is {times} times as strong would lift it. {AFTER_PUSH}"
 
     @property
     def missing(self) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tpd.core.formatting import compared, ends, number, percent
+from tpd.core.formatting import compared, ends, number, per_cent, percent
 from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Limit, Reserve, Worsening
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 
@@ -17,66 +17,76 @@ if TYPE_CHECKING:
     from tpd.answers.paired import PairedRuns
 
 
+STAYS = "under all conditions the block without a pendulum stays at rest"
+AFTER_PUSH = "After a strong enough push it may still rock or overturn."
+"""Sentence on a block that stays at rest."""
+
+
 class DesignStatus(enum.Enum):
     """Outcome of a design problem. The value of a member is a sentence of the report."""
 
-    def __new__(cls, sentence: str, remedy: str) -> DesignStatus:
-        """Create a member from its sentence and from the advice on what to do next."""
+    def __new__(cls, head: str, explanation: str, remedy: str) -> DesignStatus:
+        """Create a member from the parts of its sentence and from the advice on what to do next."""
         member = object.__new__(cls)
-        member._value_ = sentence
-        member._remedy = remedy
+        member._value_ = f"{head}: {explanation}"
+        member.head, member.remedy = head, remedy
         return member
 
-    _remedy: str
+    head: str
+    """Beginning of the sentence."""
+    remedy: str
+    """Sentence with advice on what to do next."""
 
     recommended = (
-        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear model the pendulum "
+        "RECOMMENDED for the stated conditions",
+        "in validation runs of the nonlinear model the pendulum "
         "has the required benefit, and under no condition does it do significant harm. This is not a "
         "safety assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",
     )
     not_to_be_built = (
-        "NOT TO BE BUILT AS IT IS: the pendulum passes the validation, but the search considered only one "
+        "NOT TO BE BUILT AS IT IS",
+        "the pendulum passes the validation, but the search considered only one "
         "excitation, or a bob without size and no walls.",
         "Give a band of frequencies, the width of the cavity, and the limit on clearance.",
     )
     tuned_only = (
-        "TUNED TO THESE MOTIONS ONLY: all of them were used for the search. The benefit in other "
-        "earthquakes is unknown.",
+        "TUNED TO THESE MOTIONS ONLY",
+        "all of them were used for the search. The benefit in other earthquakes is unknown.",
         "Give records of other earthquakes, or a share of the records for the validation.",
     )
     too_few = (
-        f"TOO FEW EARTHQUAKES to validate a pendulum: at least {LEAST_EARTHQUAKES} earthquakes for the "
+        "TOO FEW EARTHQUAKES to validate a pendulum",
+        f"at least {LEAST_EARTHQUAKES} earthquakes for the "
         f"search and {LEAST_EARTHQUAKES} others for the validation are needed.",
         "Give records of more earthquakes.",
     )
     undecided = (
-        "UNDECIDED: some runs have no result, and the verdict depends on how they would have ended.",
+        "UNDECIDED",
+        "some runs have no result, and the verdict depends on how they would have ended.",
         "Give more runs or records, or a weaker excitation.",
     )
     not_recommended = (
-        "NOT RECOMMENDED: no pendulum that the search found passes the validation.",
+        "NOT RECOMMENDED",
+        "no pendulum that the search found passes the validation.",
         "Widen the design space, or change what can be built: the cavity, the bob or its damper.",
     )
     none_feasible = (
-        "NOT RECOMMENDED: every pendulum that was evaluated exceeds a limit.",
+        "NOT RECOMMENDED",
+        "every pendulum that was evaluated exceeds a limit.",
         "Widen the design space, or change what can be built: the cavity, the bob or its damper.",
     )
     no_uplift = (
-        "NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough "
-        "push it may still rock or overturn.",
+        "NOT NEEDED",
+        f"{STAYS}. {AFTER_PUSH}",
         "Give a stronger excitation to see what the block can withstand.",
     )
     slides = (
-        "NOT APPLICABLE: the block slides on its base before it lifts, and does not rock. A pendulum against "
+        "NOT APPLICABLE",
+        "the block slides on its base before it lifts, and does not rock. A pendulum against "
         "rocking does not help it.",
         "Fix the base against sliding, or check the coefficient of friction of the base.",
     )
-
-    @property
-    def remedy(self) -> str:
-        """Sentence with advice on what to do next."""
-        return self._remedy
 
     @property
     def is_sound(self) -> bool:
@@ -86,7 +96,7 @@ class DesignStatus(enum.Enum):
     def headline(self, reasons: Sequence[str]) -> str:
         """Return the sentence of the status, with the first reason if that is more informative."""
         if self in _REASONED and reasons:
-            return f"{self.value.partition(':')[0]}: {reasons[0]}."
+            return f"{self.head}: {reasons[0]}."
         return self.value
 
     def other(self, reasons: Sequence[str]) -> Sequence[str]:
@@ -241,24 +251,25 @@ class Reason:
 
     def _fall(self, value: str, reference: str) -> dict[str, str]:
         """Return the texts on a reduction that is too small: what it is, and what is required."""
+        rise = compared(-self.value, -self.reference, 1, percent)[0]
         certain, of = CERTAIN * self.reference, MEASURED.get(self.measure, MEASURED["tilt"])
-        is_fall = not value.startswith("-")
-        falls = f"{of} {'falls' if is_fall else 'increases'} by {value.lstrip('-')}"
+        is_fall = not self.value < 0.0
+        falls = f"{of} {'falls' if is_fall else 'increases'} by {value if is_fall else rise}"
         if math.isfinite(self.without_pendulum):
             falls += f", from {percent(self.without_pendulum, 1)} to {percent(self.with_pendulum, 1)}"
         # The lower end has the digits that show on which side of the required one it is.
-        (low, least), high = compared(self.low, certain, 1, percent), percent(self.high, 1)
+        low, least = compared(self.low, certain, 1, per_cent)
         if math.isnan(self.value):
             falls = f"change of the {of} is unknown{_UNKNOWN.get(self.measure, '')}"
         elif math.isfinite(self.low):
             # The interval of an increase has the other sign, and begins at the other end.
-            first, last = (low, high) if is_fall else (percent(-self.high, 1), percent(-self.low, 1))
-            falls += f" (95 % interval {first.removesuffix(' %')} to {last})"
+            around = f"{low} to {percent(self.high, 1)}" if is_fall else ends(-self.high, -self.low, 1)
+            falls += f" (95 % interval {around})"
         else:
             falls += " (too few earthquakes or overturned runs for an interval)"
         # Only what is missed is listed, so that the reason is clear.
         missed = [] if self.value >= self.reference else [f"a reduction of at least {reference}"]
-        missed += [] if self.low >= certain else [f"an interval that begins above {least}"]
+        missed += [] if self.low >= certain else [f"an interval that begins above {least} %"]
         required = " and ".join(missed) if missed and self.reference > 0.0 else "a significant reduction"
         return {"falls": falls, "required": required}
 

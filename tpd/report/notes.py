@@ -18,7 +18,6 @@ from tpd.report.blocks import Note, Severity, danger, note
 from tpd.report.words import exceeding, finite_max, overturned_between
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
-from tpd.theory.no_uplift import SLIDES
 
 LARGE_STROKE = 0.3
 """Swing (rad) above which a note warns: sin(psi) is 1.5 % below psi at 0.3 rad, and the difference grows with
@@ -37,8 +36,8 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
         all_notes.append(
             note("The block loses no energy at all, unlike any real block. Give it a restitution.")
         )
-    if design.sliding.startswith(SLIDES):
-        all_notes.append(danger(design.sliding))
+    if design.sliding and design.sliding.slides:
+        all_notes.append(danger(design.sliding.sentence))
     all_notes += [*_runs(design), *_responses(details), *_earthquakes(design)]
     if design.pendulum and len(cases := design.exact_motions) == 2:
         _, exact = cases

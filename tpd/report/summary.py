@@ -21,7 +21,6 @@ from tpd.limits import LABELS, MEASURED, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Summary, danger, note
 from tpd.report.notes import notes
-from tpd.theory.no_uplift import SLIDES
 
 _USED = 0.95
 """Share of a limit that a design must use for the limit to be called active."""
@@ -94,8 +93,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates)[2:])
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
-    if design.sliding and not design.sliding.startswith(SLIDES):
-        yield "friction", design.sliding
+    if design.sliding and not design.sliding.slides:
+        yield "friction", design.sliding.sentence
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear model can give another benefit than the nonlinear one, so the benefit with the

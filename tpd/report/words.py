@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import compared, number, percent, unanswered, with_and_without
+from tpd.core.formatting import compared, number, per_cent, percent, unanswered, with_and_without
 from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
@@ -28,12 +28,14 @@ if TYPE_CHECKING:
     from tpd.design.wider_base import Worth
 
 _CHANGES = {
-    "mean severity": "mean tilt",
-    "median severity": "median tilt",
-    "overturned": "overturned",
-    "at rest": "at rest at the end",
+    "mean severity": ("mean tilt", 0),
+    "median severity": ("median tilt", 0),
+    "overturned": ("overturned", 1),
+    "at rest": ("at rest at the end", 1),
 }
-"""Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
+"""Labels of the rows in the comparison with and without the pendulum, by the names of the changes, with the
+digits after the decimal point. Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be
+smaller than 1 %."""
 COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
 """Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
@@ -99,12 +101,12 @@ def wider(worth: Worth) -> str:
     """
     # Beyond the widest base that was followed, and below one per cent, there is no number.
     size, low, high = (
-        f"more than {percent(worth.most)}" if math.isinf(x) else percent(x) if x >= 0.005 else "less than 1 %"
+        f"more than {per_cent(worth.most)}" if math.isinf(x) else per_cent(x) if x >= 0.005 else "less than 1"
         for x in (worth.widening, worth.low, worth.high)
     )
     caution = ", which does not allow for the decision by the same runs" if worth.decided else ""
-    around = "" if low == high else f" (95 % interval {low.removesuffix(' %')} to {high}{caution})"
-    return f"{size} wider{around}"
+    around = "" if low == high else f" (95 % interval {low} to {high} %{caution})"
+    return f"{size} % wider{around}"
 
 
 def settled_tilt(design: Design, of: Any) -> str:
@@ -195,15 +197,11 @@ def comparison(runs: PairedRuns) -> Table:
         # The row on rest is left out if no run ends at rest in either case.
         if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
             continue
-        # Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be smaller than 1 %.
-        digits = 0 if "severity" in c.name else 1
+        label, digits = _CHANGES[c.name]
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
-        rows.append((_CHANGES[c.name], *shares, difference(c, digits)))
-    # The seed is in the section on the validation runs.
-    described = runs.description.replace(f", seed {runs.with_pendulum.seed}", "")
-    caption = (
-        f"Validation: {described}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
-    )
+        rows.append((label, *shares, difference(c, digits)))
+    tilts = "Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    caption = f"Validation: {runs.description}. {tilts}"
     caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))
@@ -226,13 +224,13 @@ def title(scene: Scene, name: str = "", date: str = "") -> str:
 
 
 def origin(scene: Scene) -> str:
-    """Describe the block: the paper's block, the paper's block with changes, or another block."""
+    """Describe the block of the paper, and what differs from the paper's scene; empty for another block."""
     # The numbers decide, because a job file may list the paper's numbers without naming the paper.
     paper = paper_scene()
     block, original = scene.block, paper.block
     sizes = "width", "height", "mass", "radius_of_gyration", "effective_width"
     if any(getattr(block, key) != getattr(original, key) for key in sizes):
-        return "a block of your own"
+        return ""
     same = {
         "excitation": scene.excitation == paper.excitation,
         "losses": (block.friction, block.velocity_ratio) == (original.friction, original.velocity_ratio),
@@ -257,8 +255,8 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
         return block, damping, f"  excitation  {motion or in_words((scene.excitation,))}"
     motion = f"  excitation  {scene.excitation.in_words}, {number(float(scene.peak))} g"
     # A block of the user needs no title; the paper's block may be a wrong default.
-    title = origin(scene)
-    return (*((f"Scene: {title}.",) if title.startswith(_PAPER) else ()), block, motion, damping)
+    title = (f"Scene: {name}.",) if (name := origin(scene)) else ()
+    return *title, block, motion, damping
 
 
 def block_of(scene: Scene) -> str:

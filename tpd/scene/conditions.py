@@ -30,15 +30,17 @@ FASTEST = 10.0
 """Largest rate of an initial state: phi' as a share of nu, psi' in rad per unit of tau."""
 MOST_SCATTER = 0.5
 """Largest relative half width of an uncertain quantity."""
-MEASURES = {
-    "pga_star": "PGA over g tan(alpha); at 1 the block lifts",
+MEASURE_NAMES = {
+    "pga_star": "PGA over g tan(alpha)",
     "pgv_star": "p PGV over g tan(alpha)",
     "pga": "PGA in g",
     "pgv": "PGV in m/s",
     "scale": "factor on each motion",
 }
-"""Intensity measures of the scales of ground motions, with their descriptions. The names are those of
+"""Intensity measures of the scales of ground motions, with their names in sentences. The keys are those of
 `tpd.records.intensity`."""
+MEASURES = {**MEASURE_NAMES, "pga_star": f"{MEASURE_NAMES['pga_star']}; at 1 the block lifts"}
+"""Intensity measures with their descriptions."""
 
 
 class Normal(NamedTuple):

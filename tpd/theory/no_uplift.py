@@ -28,9 +28,6 @@ from tpd.scene.scene import Scene
 DRY = 0.3
 """Coefficient of friction above which a dry base of stone or concrete may be too smooth."""
 
-SLIDES = "SLIDES WHILE IT ROCKS"
-"""First words about a block whose base has less friction than the runs need."""
-
 
 class Uplift(NamedTuple):
     """Uplift margin of a block at rest, and swing of the settled pendulum.
@@ -125,8 +122,17 @@ class AtRest(NamedTuple):
         return f"  uplift      {self.lifting_in_words}\n  sliding     {self.sliding_in_words}"
 
 
-def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
-    """Return a sentence on the friction that the base needs while the block rocks.
+class Sliding(NamedTuple):
+    """Friction that the base of a rocking block needs."""
+
+    slides: bool
+    """Whether the base has less friction, so that the equations do not describe the block."""
+    sentence: str
+    """Sentence that compares the friction of the base with the needed friction."""
+
+
+def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> Sliding:
+    """Compare the friction that the base needs while the block rocks with its friction.
 
     Args:
         needed: coefficient of friction that the runs need, by the name of the case.
@@ -141,8 +147,8 @@ def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
     has = "" if base is None else f", {'but' if slides else 'and'} has {pairs[worst][1]}"
     friction = f"the base needs a coefficient of friction of {listed}{has}"
     if slides:
-        return f"{SLIDES}: {friction}. The equations have no sliding."
-    return f"While the block rocks from rest, {friction} (linear model)."
+        return Sliding(True, f"SLIDES WHILE IT ROCKS: {friction}. The equations have no sliding.")
+    return Sliding(False, f"While the block rocks from rest, {friction} (linear model).")
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
