@@ -94,8 +94,9 @@ class Check(Printed):
         """Sentences that explain why the nonlinear model does not confirm the design; empty if they do."""
         return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
 
-    def table(self) -> str:
-        """Return a table with one line for each model."""
+    @property
+    def lines(self) -> list[str]:
+        """Lines of the table: the head, and one line for each model."""
         lines = [
             f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
         ]
@@ -107,7 +108,11 @@ class Check(Printed):
             )
             times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
             lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
-        return "\n".join([*lines, _MEANING])
+        return lines
+
+    def table(self) -> str:
+        """Return a table with one line for each model, and its explanation."""
+        return "\n".join([*self.lines, MEANING])
 
     def __str__(self) -> str:
         verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear model"]
@@ -257,10 +262,11 @@ class _Model(NamedTuple):
     """Whether the model includes the loss of energy at impacts."""
 
 
-_MEANING = (
+MEANING = (
     "Amplitude and swing are the largest tilt and bob angle (rad) of the motion that each model reaches from "
     "rest. If they differ from those of the nonlinear model, the terms that a model neglects are important."
 )
+"""Explanation of the table of models."""
 TOP = "nonlinear"
 """Name of the model with which the others are compared."""
 _MODELS = {

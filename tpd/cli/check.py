@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd.answers.compare_models import MODELS, QUICK
+from tpd.answers.compare_models import MEANING, MODELS, QUICK
 from tpd.answers.motion_history import sliding
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
@@ -86,9 +86,7 @@ def _check_by_models(
     """
     table: list[str] = []
     for checked in problem.compared_models(pendulum, models=models, progress=bar):
-        # The last line explains the columns; the others are rows, which are not wrapped.
-        *rows, explanation = checked.table().splitlines()
-        table = [*rows, *wrapped(explanation), ""]
+        table = [*checked.lines, *wrapped(MEANING), ""]
         if any(model.status == "overturned" for model in checked.models):
             table += [*wrapped(_OVERTURNED), ""]
     # A report without a pendulum is right only if the block needs none under all conditions of the job.

@@ -83,10 +83,9 @@ def parser(about: str, version: str) -> Parser:
     texts = tomllib.loads(resources.files("tpd.cli").joinpath("commands.toml").read_text(encoding="utf-8"))
     for name, add_options in COMMANDS.items():
         text = texts[name]
-        # The formatter of the help puts what follows "Example: " on a line of its own.
-        end = f"{text.get('exit_status', _DONE)}\nExample: {text['example']}"
+        end = text.get("exit_status", _DONE)
         command = commands.add_parser(name, help=text["summary"], description=text["description"], epilog=end)
-        command.have_short_help(text["summary"], text["common"].split())
+        command.have_short_help(text["summary"], text["common"].split(), text["example"])
         command.set_defaults(activity=text.get("activity", ""))
         add_options(command)
     return top

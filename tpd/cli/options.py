@@ -21,21 +21,11 @@ _NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+|inf|nan)(e[+-]?\d+)?", re.IGNORECASE)
 """A negative number."""
 
 
-class _Help(argparse.HelpFormatter):
-    """Formatter of the help that puts an example on a line of its own."""
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        # argparse would join the example with the paragraph before it and wrap both.
-        paragraph, _, example = text.partition("\nExample: ")
-        more = f"\n\nExample:\n  {example}" if example else ""
-        return super()._fill_text(paragraph, width, indent) + more
-
-
 class _HelpAll(argparse.Action):
     """Action of argparse that prints the help with all options."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        print(argparse.ArgumentParser.format_help(parser), end="")
+        print(f"{argparse.ArgumentParser.format_help(parser)}{parser.example}", end="")
         parser.exit()
 
 
@@ -46,14 +36,18 @@ class Parser(argparse.ArgumentParser):
     """Sentence of the short help; empty if the parser has one help only."""
     _common: Sequence[str] = ()
     """Names of the arguments in the short help. The first has no hyphens."""
+    example = ""
+    """End of the help: an example on a line of its own."""
 
     def __init__(self, **settings: Any) -> None:
         # An abbreviation that is unique today may be ambiguous in the next version.
-        super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
+        super().__init__(**{"allow_abbrev": False, **settings})
 
-    def have_short_help(self, summary: str, common: Sequence[str]) -> None:
-        """Let `--help` show only a sentence and the common arguments. `--help-all` shows all of them."""
+    def have_short_help(self, summary: str, common: Sequence[str], example: str) -> None:
+        """Let `--help` show only a sentence, the common arguments and an example. `--help-all` shows all
+        arguments."""
         self._summary, self._common = f"{summary[:1].upper()}{summary[1:]}.", common
+        self.example = f"\nExample:\n  {example}\n"
         self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain all options and exit")
 
     def format_help(self) -> str:
@@ -68,8 +62,7 @@ class Parser(argparse.ArgumentParser):
         short.start_section(f"common options (all options: {self.prog} --help-all)")
         short.add_arguments(named[name] for name in self._common)
         short.end_section()
-        short.add_text(f"\nExample: {str(self.epilog).partition('Example: ')[2]}")
-        return short.format_help()
+        return short.format_help() + self.example
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Parse the arguments. Reject repeated options, and unknown ones with a suggestion for a misspelt
