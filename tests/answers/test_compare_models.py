@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 from tests import reference
-from tpd import Block, Pendulum, Scene, check, paper_scene, status_name, steady_state
+from tpd import Pendulum, check, paper_scene, status_name, steady_state
 from tpd.answers.compare_models import MODELS, objections
 from tpd.scene.parameters import as_arrays
 
@@ -61,21 +61,6 @@ def test_the_one_harmonic_model_has_the_harmonic_balance_or_no_orbit():
         balance = tpd.theory.one_harmonic_branches(dataclasses.replace(p, f=f))
         assert found.status == ("rocking" if balance.exists[0] else "no_orbit")
         np.testing.assert_array_equal(found.amplitude, balance.amplitude[0] if balance.exists[0] else np.nan)
-
-
-def test_models_without_impact_loss_have_no_result_for_a_block_with_impact_loss():
-    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().excitation)
-    found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
-    none = [r for r in found.models if r.status == "no impacts"]
-    assert {r.name for r in none} == {"smoothed nonlinear"}
-    assert all(np.isnan(r.amplitude) for r in none)
-    names = "one harmonic", "exact", "smoothed"
-    balance, exact, smoothed = (next(r for r in found.models if r.name == name) for name in names)
-    assert balance.status == exact.status == smoothed.status == "rocking"
-    assert balance.amplitude == pytest.approx(exact.amplitude, rel=0.03)
-    assert smoothed.amplitude == pytest.approx(exact.amplitude, rel=1e-4)
-    assert not np.isnan(found.top.amplitude)
-    assert "no impacts" in found.table()
 
 
 @pytest.mark.parametrize(

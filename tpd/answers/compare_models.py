@@ -6,8 +6,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,9 +16,6 @@ from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import Progress, shown
-from tpd.models.base import AbstractModel
-from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, parameters_without_pendulum
 from tpd.scene.scene import Pendulum, Scene
@@ -36,8 +31,6 @@ _Sizes = tuple[float, float, str]
 @dataclass(frozen=True, kw_only=True)
 class Answer:
     """Result of one model. Angles are in rad; they are NaN if the model has no result.
-
-    The status is "no impacts" if impacts lose energy and the model has no impact loss.
 
     Attributes:
         name: name of the model.
@@ -213,10 +206,7 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 
 def _timed(name: str, p: Parameters) -> Answer:
     """Return the result of one model, and its computing times with and without compilation."""
-    model = _MODELS[name]
-    # A model without impact loss has no result if impacts lose energy, and NaN takes its place.
-    is_valid = model.impact_loss or float(p.velocity_ratio) == 1.0
-    solve = model.solve if is_valid else lambda _: (math.nan, math.nan, "no impacts")
+    neglects, solve = _MODELS[name]
     begin = time.perf_counter()
     # The first call includes compilation, the second does not.
     solve(p)
@@ -224,7 +214,7 @@ def _timed(name: str, p: Parameters) -> Answer:
     amplitude, swing, status = solve(p)
     times = {"first": middle - begin, "seconds": time.perf_counter() - middle}
     sizes = {"amplitude": amplitude, "swing": swing}
-    return Answer(name=name, status=status, neglects=model.neglects, **sizes, **times)
+    return Answer(name=name, status=status, neglects=neglects, **sizes, **times)
 
 
 _one_harmonic = eqx.filter_jit(one_harmonic)
@@ -244,22 +234,9 @@ def _balanced(p: Parameters) -> _Sizes:
     return float(balance.amplitude), float(balance.swing), "rocking"
 
 
-def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
-    # The smoothed models need Newton's method, because following alone gives their largest angles only at
-    # samples. For the exact model `optimise` has usually compiled it already.
-    steady = jax.block_until_ready(steady_state(p, model=model))
+def _followed(p: Parameters) -> _Sizes:
+    steady = jax.block_until_ready(steady_state(p))
     return float(steady.amplitude), float(steady.swing), status_name(steady.status)
-
-
-class _Model(NamedTuple):
-    """Model that can be solved from rest."""
-
-    neglects: str
-    """Text that says what the model neglects."""
-    solve: Callable[[Parameters], _Sizes]
-    """Function that solves the model."""
-    impact_loss: bool = True
-    """Whether the model includes the loss of energy at impacts."""
 
 
 MEANING = (
@@ -269,20 +246,12 @@ MEANING = (
 """Explanation of the table of models."""
 TOP = "nonlinear"
 """Name of the model with which the others are compared."""
-_MODELS = {
-    "uplift": _Model("everything except the steady swing of the bob under a block at rest", _at_rest),
-    "one harmonic": _Model("all harmonics but one", _balanced),
-    "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
-    "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
-    "parametric": _Model(
-        "as smoothed, except for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
-    ),
-    "smoothed nonlinear": _Model(
-        "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
-    ),
-    TOP: _Model("nothing of equations (4)", nonlinear),
+_MODELS: dict[str, tuple[str, Callable[[Parameters], _Sizes]]] = {
+    "uplift": ("everything except the steady swing of the bob under a block at rest", _at_rest),
+    "one harmonic": ("all harmonics but one", _balanced),
+    "exact": ("terms of second order in the angles", _followed),
+    TOP: ("nothing of equations (4)", nonlinear),
 }
+"""What each model neglects, and the function that solves it."""
 MODELS = tuple(_MODELS)
 """Names of all models, the fastest first."""
-QUICK = ("uplift", "one harmonic", "exact", TOP)
-"""Names of the models that are compiled quickly."""

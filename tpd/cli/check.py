@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd.answers.compare_models import MEANING, MODELS, QUICK
+from tpd.answers.compare_models import MEANING
 from tpd.answers.motion_history import sliding
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
@@ -50,9 +50,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         raise ValueError("--runs has an effect only together with --engine")
     problem = _problem_of(job, options.seed)
     common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
-    models = MODELS if options.full else QUICK
     with Bar() as bar:
-        lines, is_sound = _check_by_models(job, problem, pendulum, models, bar)
+        lines, is_sound = _check_by_models(job, problem, pendulum, bar)
     print_answer("", *lines)
     _write(options, "\n".join(lines))
     return SOUND if is_sound else UNSOUND
@@ -77,7 +76,7 @@ def _problem_of(job: Job, seed: int | None) -> Problem:
 
 
 def _check_by_models(
-    job: Job, problem: Problem, pendulum: Pendulum | None, models: tuple[str, ...], bar: Bar
+    job: Job, problem: Problem, pendulum: Pendulum | None, bar: Bar
 ) -> tuple[list[str], bool]:
     """Solve the motion by several models and validate the pendulum as `tpd optimise` does.
 
@@ -85,7 +84,7 @@ def _check_by_models(
         Lines for the terminal, and whether the exit status is `SOUND`.
     """
     table: list[str] = []
-    for checked in problem.compared_models(pendulum, models=models, progress=bar):
+    for checked in problem.compared_models(pendulum, progress=bar):
         table = [*checked.lines, *wrapped(MEANING), ""]
         if any(model.status == "overturned" for model in checked.models):
             table += [*wrapped(_OVERTURNED), ""]

@@ -215,7 +215,6 @@ def _check(command: Parser) -> None:
     _add_case(command, *HARMONIC, *PULSE, _RECORD, _SCALE, *RECORDS)
     # The other limits come from the job: a check uses those with which the pendulum was designed.
     NO_WALLS.add(command)
-    _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
     _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)
     engine = command.add_argument_group("rigid-body engine (needs the extra engines)")
     text = (
