@@ -118,14 +118,14 @@ def test_the_plot_of_a_design_shows_its_bob_and_swing(single, under_pulses):
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])
 def test_a_tilted_block_stands_on_its_corner(tilt):
-    block = corners(examples.SCENE, tilt, base=0.02)
+    block = corners(examples.SCENE, tilt)
     assert block[:, 1].min() == pytest.approx(0.0, abs=1e-12)
     pivot = block[0] if tilt > 0 else block[1]
-    assert pivot == pytest.approx((0.02 + (-0.05 if tilt > 0 else 0.05), 0.0), abs=1e-12)
+    assert pivot == pytest.approx((-0.05 if tilt > 0 else 0.05, 0.0), abs=1e-12)
     sides = np.linalg.norm(np.diff(block, axis=0), axis=1)
     assert sides == pytest.approx([0.1, 0.4, 0.1])
     # Counterclockwise: the top moves to the left.
-    assert np.sign(np.round(block[2:, 0].mean() - 0.02, 12)) == -np.sign(tilt)
+    assert np.sign(np.round(block[2:, 0].mean(), 12)) == -np.sign(tilt)
     hinge, bob = rod(block, 0.2, 0.3)
     assert hinge == pytest.approx(0.5 * (block[2] + block[3]))
     assert bob - hinge == pytest.approx((0.2 * np.sin(0.3), -0.2 * np.cos(0.3)))

@@ -1,17 +1,15 @@
-"""Animation of the block on its moving base, without and with the pendulum."""
+"""Animation of the block as seen from its base, without and with the pendulum."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
@@ -20,7 +18,7 @@ from tpd.plots.drawing import BODY, corners, rod
 from tpd.plots.style import BLUE, INK, Picture, own_style
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 
-_RATE, _SECONDS, _LONG = 20, 6.0, 10.0
+_RATE, _SECONDS, _LONG = 10, 6.0, 10.0
 """Frames per second; longest duration (s) under harmonic excitation, and under a pulse or a record."""
 _BEFORE = 0.6
 """Share of a film before the moment that it must show."""
@@ -57,60 +55,37 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
     first seconds of a harmonic motion, or the seconds around the largest tilt without the pendulum.
 
     The film is slowed if the excitation is too fast for real time, and tilts are magnified if they are too
-    small to be seen. The picture states both. Under a pulse or a record the base does not move in the
-    picture, because a record of the acceleration does not contain the displacement.
+    small to be seen. The picture states both. The base does not move in the picture.
 
     Args:
         scene: block and excitation.
         pendulum: the pendulum; None for the block alone.
         histories: exact time histories, without and, if there is one, with the pendulum.
     """
-    slowed, seconds, reach, rate, usual, view = 1, _LONG, 0.0, 0.0, 0.0, ""
+    slowed, seconds, usual = 1, _LONG, 0.0
     if isinstance(scene.excitation, Harmonic):
         # With fewer frames in a period the motion would alias and seem to run backwards.
         slowed = max(1, math.ceil(_PER_PERIOD * scene.excitation.frequency / _RATE))
         seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
-        reach, rate = scene.excitation.amplitude, scene.excitation.rate
     else:
-        usual, view = histories[0].time[np.nanargmax(np.abs(histories[0].tilt))], "; seen from the base"
-    frames = int(_RATE * seconds)
+        usual = histories[0].time[np.nanargmax(np.abs(histories[0].tilt))]
     # A frame of the film shows 1/slowed of the time that it lasts.
-    times = np.arange(frames) / (_RATE * slowed)
+    times = np.arange(int(_RATE * seconds)) / (_RATE * slowed)
     moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=usual)
     times += max(0.0, moment - _BEFORE * times[-1])
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
-    speed = (f"{slowed} times slower than real time" if slowed > 1 else "real time") + view
-    figure, draw = _stage(scene, reels, times, reach * np.sin(rate * times), reach, speed)
-    film = list(_pictures(figure, draw, frames))
+    speed = f"{slowed} times slower than real time" if slowed > 1 else "real time"
+    pictures = _pictures(scene, reels, times, speed)
+    # The first frame has all colours of the film, so its palette serves for all frames.
+    palette = pictures[0].quantize(_COLOURS)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    # A background that is only nearly white would be visible on a white page.
+    colours[(colours > 246).all(axis=1)] = 255
+    palette.putpalette(colours.ravel().tolist())
+    film = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     out = io.BytesIO()
     film[0].save(out, "GIF", save_all=True, append_images=film[1:], duration=1000 // _RATE, loop=0)
     return out.getvalue()
-
-
-def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) -> Iterator[Image.Image]:
-    """Yield the pictures of a film."""
-    canvas, palette = FigureCanvasAgg(figure), None
-    # Drawing takes long. The parts that stand still are drawn once and copied into every frame.
-    moving = draw(0)
-    for artist in moving:
-        # Animated artists are left out when the canvas draws the background.
-        artist.set_animated(True)
-    canvas.draw()
-    still = canvas.copy_from_bbox(figure.bbox)
-    for i in range(frames):
-        draw(i)
-        canvas.restore_region(still)
-        for artist in moving:
-            artist.draw(canvas.get_renderer())
-        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-        # The first frame has all colours of the film, so its palette serves for all frames.
-        if palette is None:
-            palette = picture.quantize(_COLOURS)
-            colours = np.array(palette.getpalette()).reshape(-1, 3)
-            # A background that is only nearly white would be visible on a white page.
-            colours[(colours > 246).all(axis=1)] = 255
-            palette.putpalette(colours.ravel().tolist())
-        yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
@@ -134,64 +109,47 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
     return Reel(pendulum, np.where(overturned, side, tilt), np.where(overturned, 0.0, bob), overturned)
 
 
-def _stage(
-    scene: Scene, reels: list[Reel], times: np.ndarray, base: np.ndarray, reach: float, speed: str
-) -> tuple[Figure, Callable[[int], list[Artist]]]:
-    """Return the figure, and a function that draws one frame and returns the artists that move.
-
-    The base has the displacements `base`, at most `reach`, m. The text `speed` stands below the picture.
-    """
+def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) -> list[Image.Image]:
+    """Return the pictures of a film. The text `speed` stands below them."""
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen. Bob angles are always large enough.
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
-    films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
+    films = [[_shapes(scene, r, i, factor) for i in range(len(times))] for r in reels]
     across, up = np.concatenate([x for film in films for shapes in film for x in shapes]).T
     # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
-    side = max(float(np.abs(across).max()), 0.7 * scene.block.width + reach) + pad
+    side = max(float(np.abs(across).max()), 0.7 * scene.block.width) + pad
     low, high = min(float(up.min()), 0.0) - pad, float(up.max()) + pad
     shape = 2.0 * side / (high - low)
     # The picture is as large as height and width of one motion allow.
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
-    figure = Picture(figsize=(width, whole), dpi=_DPI)
-    draws = []
+    figure, draws = Picture(figsize=(width, whole), dpi=_DPI), []
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
         ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
         ax.set_axis_off()
-        # A text of the figure is faster than a title of the axes, which Matplotlib places again in every
-        # frame.
         title = "without pendulum" if r.pendulum is None else "with pendulum"
         figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, title, ha="center", fontsize=12)
-        draws.append(_actor(ax, scene, r, film, base))
+        draws.append(_actor(ax, scene, r, film))
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
     tilt = f"tilts magnified {factor} times" if factor > 1 else "drawn to scale"
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
+    canvas, pictures = FigureCanvasAgg(figure), []
+    for i, time in enumerate(times):
+        clock.set_text(f"t = {time:.2f} s")
+        for draw in draws:
+            draw(i)
+        canvas.draw()
+        pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())[..., :3]))
+    return pictures
 
-    def draw(i: int) -> list[Artist]:
-        clock.set_text(f"t = {times[i]:.2f} s")
-        return [*(artist for each in draws for artist in each(i)), clock]
 
-    return figure, draw
-
-
-def _shapes(scene: Scene, r: Reel, i: int, factor: int, base: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners of the block and the ends of the rod in the i-th frame.
-
-    Args:
-        scene: the block.
-        r: the motion.
-        i: index of the frame.
-        factor: factor on the tilt.
-        base: displacement of the base, m.
-
-    Returns:
-        Corners, m, shape (4, 2), and hinge and bob, m, shape (2, 2), or (0, 2) without a pendulum and after
-        an overturning.
-    """
-    block = corners(scene, float(r.tilt[i]) * (1 if r.is_overturned[i] else factor), base)
+def _shapes(scene: Scene, r: Reel, i: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of the block in the i-th frame, m, shape (4, 2), with its tilt multiplied by a
+    factor, and hinge and bob, m, shape (2, 2), or (0, 2) without a pendulum and after an overturning."""
+    block = corners(scene, float(r.tilt[i]) * (1 if r.is_overturned[i] else factor))
     if r.pendulum is None or r.is_overturned[i]:
         return block, np.zeros((0, 2))
     # The tilt is magnified, so the hinge is placed within the drawn block.
@@ -200,27 +158,23 @@ def _shapes(scene: Scene, r: Reel, i: int, factor: int, base: float) -> tuple[np
 
 
 def _actor(
-    ax: Axes, scene: Scene, r: Reel, film: list[tuple[np.ndarray, np.ndarray]], base: np.ndarray
-) -> Callable[[int], list[Artist]]:
-    """Add one motion to the axes, and return a function that draws a frame and returns the moving artists."""
+    ax: Axes, scene: Scene, r: Reel, film: list[tuple[np.ndarray, np.ndarray]]
+) -> Callable[[int], None]:
+    """Add one motion to the axes, and return a function that draws a frame."""
     reach, thick = 0.7 * scene.block.width, 0.03 * scene.block.height
     slab = np.array([[-reach, 0.0], [reach, 0.0], [reach, -thick], [-reach, -thick]])
-    block, ground = Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4), Polygon(slab, fc=INK, ec=INK)
+    block = Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4)
     ax.add_patch(block)
-    ax.add_patch(ground)
-    # The motion of the base is visible relative to a fixed mark.
-    ax.plot([0.0], [-1.8 * thick], marker="^", ms=5, color=INK)
+    ax.add_patch(Polygon(slab, fc=INK, ec=INK))
     (line,) = ax.plot([], [], color=BLUE, lw=2.0)
     (bob,) = ax.plot([], [], "o", ms=8, color=INK)
     label = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
 
-    def draw(i: int) -> list[Artist]:
+    def draw(i: int) -> None:
         corner, pendulum = film[i]
         block.set_xy(corner)
-        ground.set_xy(slab + np.array([base[i], 0.0]))
         label.set_text("overturned" if r.is_overturned[i] else "")
         line.set_data(*pendulum.T)
         bob.set_data(*pendulum[1:].T)
-        return [block, ground, line, bob, label]
 
     return draw

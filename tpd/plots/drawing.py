@@ -32,21 +32,20 @@ _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
 """Space for dimensions and texts around both views, inches."""
 
 
-def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
+def corners(scene: Scene, tilt: float) -> np.ndarray:
     """Return the corners of the tilted block, m, shape (4, 2), counterclockwise from the lower left corner.
 
     Args:
         scene: the block.
         tilt: tilt, rad. A positive tilt is a counterclockwise rotation about the left corner, a negative tilt
             a clockwise rotation about the right corner.
-        base: displacement of the base, m.
     """
     a, height = 0.5 * scene.block.width, scene.block.height
     upright = np.array([[-a, 0.0], [a, 0.0], [a, height], [-a, height]])
     pivot = np.array([math.copysign(a, -tilt), 0.0])
     # Points are row vectors, so the matrix on the right is the transpose of the usual rotation matrix.
     c, s = math.cos(tilt), math.sin(tilt)
-    return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot + np.array([base, 0.0])
+    return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot
 
 
 def rod(block: np.ndarray, length: float, angle: float, share: float = 1.0) -> np.ndarray:

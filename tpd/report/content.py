@@ -72,9 +72,9 @@ _CAPTIONS = {
         "point mass.",
     ),
     "animation.gif": (
-        "Animation of the block on its moving base, without and with the pendulum",
-        "Motion from rest under the scene's own excitation, by the linear model: the seconds around the "
-        "last overturning, or the first seconds if the block overturns in neither case.",
+        "Animation of the block as seen from its base, without and with the pendulum",
+        "Motion from rest under the scene's own excitation, by the linear model, as seen from the base: the "
+        "seconds around the last overturning, or the first seconds if the block overturns in neither case.",
     ),
     "benefit.svg": (
         "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
