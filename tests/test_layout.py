@@ -134,6 +134,46 @@ def test_no_module_compares_the_name_of_an_excitation():
     assert not found
 
 
+READERS = {
+    "tpd.cli.options": "words of the command line, and messages of argparse",
+    "tpd.cli.new": "the template of a job file",
+    "tpd.cli.optimise": "the line break at the end of a file",
+    "tpd.design.job": "errors of other modules and of the reader of TOML",
+    "tpd.design.sizes": "errors of JAX",
+    "tpd.design.tables": "docstrings",
+    "tpd.explore.page": "modules of the page",
+    "tpd.report.blocks": "numbers in a cell, and units",
+    "tpd.report.render": "the format of a picture",
+    "tpd.plots.results": "the name of a file",
+}
+"""Modules of the upper layers that search a text, with what they read."""
+SEARCHES = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "rpartition", "splitlines"}
+SEARCHES |= {"search", "fullmatch", "findall", "sub"}
+"""Methods that search a text."""
+
+
+def searches_text(node: ast.AST) -> bool:
+    """Return whether a node is a call that searches a text, or compares a text with a part of it."""
+    match node:
+        case ast.Call(func=ast.Attribute(attr=name)):
+            return name in SEARCHES
+        case ast.Compare(left=ast.Constant(value=str(word)), ops=[ast.In() | ast.NotIn()]):
+            return " " in word or word != word.lower()
+    return False
+
+
+def test_modules_that_make_sentences_do_not_search_them():
+    """Kinds are data: a sentence is made once, and neither searched nor changed."""
+    texts = 'x.partition(":")', 're.sub("a", "b", page)', '"MuJoCo" in first', '"name" in row'
+    found = [any(map(searches_text, ast.walk(ast.parse(text)))) for text in texts]
+    assert found == [True, True, True, False]
+    paths = [path for name, path in MODULES.items() if folder(name) in ASKING and name not in READERS]
+    found = [
+        f"{path.name}:{node.lineno}" for path in paths for node in ast.walk(tree(path)) if searches_text(node)
+    ]
+    assert not found
+
+
 STAND_INS = {"search", "exact", "lifts", "without_pendulum", "earthquakes"}
 """Attributes that only one kind of problem has: a comparison with None is a question about the kind."""
 ASKING = "design", "engines", "plots", "report", "explore", "cli"

@@ -9,7 +9,7 @@ import pytest
 from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, knet, peer, shaking, smc
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
-from tpd.formats.channel import UNKNOWN
+from tpd.formats.channel import UNKNOWN, Remark
 from tpd.records import el_centro, read
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
@@ -320,7 +320,7 @@ def test_a_record_is_described_in_one_line(tmp_path):
     # Many are described by one line.
     waves = [[0.0, 1.0, -0.1 * i] for i in range(5)]
     many = [
-        Record(wave, 0.01 * (1 + i % 2), event=f"E{i % 3}", notes=("drift: x",))
+        Record(wave, 0.01 * (1 + i % 2), event=f"E{i % 3}", notes=(Remark("drift", "x"),))
         for i, wave in enumerate(waves)
     ]
     assert described(many) == [

@@ -252,6 +252,6 @@ _MODELS: dict[str, tuple[str, Callable[[Parameters], _Sizes]]] = {
     "exact": ("terms of second order in the angles", _followed),
     TOP: ("nothing of equations (4)", nonlinear),
 }
-"""What each model neglects, and the function that solves it."""
+"""Models by name: the terms that a model neglects, and the function that solves it."""
 MODELS = tuple(_MODELS)
 """Names of all models, the fastest first."""

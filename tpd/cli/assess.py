@@ -19,6 +19,6 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     with Bar() as bar:
         assessment = assessed(problem, bar)
     # `print(assessment)` would repeat the accelerations of uplift and sliding, which the header has.
-    sentences = *assessment.verdict.splitlines(), assessment.measures, assessment.guess
+    sentences = *assessment.sentences, assessment.measures, assessment.guess
     print_answer("", *(line for text in sentences for line in wrapped(text)))
     return SOUND

@@ -177,7 +177,7 @@ def print_header(
         at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
             command varies the motion.
     """
-    rest = () if at_rest is None else str(at_rest).splitlines()
+    rest = () if at_rest is None else at_rest.lines
     point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
     rows = (*words.scene_lines(scene, motion), *rest, *point)
     lines = (line for row in rows for line in wrapped(row, rest=" " * 14))

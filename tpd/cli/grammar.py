@@ -297,7 +297,7 @@ def _export(command: Parser) -> None:
 
 
 COMMANDS = {
-    function.__name__.removeprefix("_"): function
+    function.__name__.lstrip("_"): function
     for function in (
         *(_new, _record, _assess, _optimise, _check, _explore),
         *(_response, _map, _shake, _spectrum, _fragility, _export),

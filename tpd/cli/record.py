@@ -54,9 +54,9 @@ def run(options: argparse.Namespace) -> int:
     if len(rows) == 1:
         lines = [*_lines(job.motions[0], rows[0])]
     else:
-        notes = ["; ".join(note.partition(":")[0] for note in row["notes"]) for row in rows]
+        notes = ["; ".join(getattr(note, "kind", note) for note in row["notes"]) for row in rows]
         cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
-        # Notes are shortened to the text before the colon. The table in CSV has the whole notes.
+        # Notes are shortened to their kinds. The table in CSV has the whole notes.
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
     # A file that is named alone is shown as the message on an unreadable file shows it.

@@ -34,6 +34,7 @@ _QUANTITIES = {
     "overturning_time": "time of overturning, s",
 }
 """Attributes of a motion that are printed, with their labels in the table."""
+_TIMES = "tilt_time", "swing_time", "rod_angle_time", "uplift_time", "overturning_time"
 _OF_A_PENDULUM = ("swing", "swing_time", "rod_angle", "rod_angle_time")
 
 
@@ -110,7 +111,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
     for key, label in _QUANTITIES.items():
         values = [float(getattr(x, key)) for x in pair]
         # The time of an event that does not occur is infinite by both equations; its line is left out.
-        is_absent = key.endswith("_time") and not any(map(math.isfinite, values))
+        is_absent = key in _TIMES and not any(map(math.isfinite, values))
         if is_absent or (key in _OF_A_PENDULUM and history.swing is None):
             continue
         cells = (number(x) if math.isfinite(x) else "-" for x in values)

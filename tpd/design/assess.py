@@ -56,11 +56,11 @@ class Assessment(Printed):
         return alternatives(self.problem)
 
     @property
-    def verdict(self) -> str:
-        """Lines on whether the block stays at rest, slides, rocks or overturns: the stated block first, then
-        the blocks that vary, at each level of the excitation, and the annual rate of overturning."""
+    def sentences(self) -> list[str]:
+        """Sentences on whether the block stays at rest, slides, rocks or overturns: the stated block first,
+        then the blocks that vary, at each level of the excitation, and the annual rate of overturning."""
         if self.runs is None or self.stated is None:
-            return self.problem.needless
+            return [self.problem.needless]
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         varied = f"{problem.begin_of_runs} {scatter}"
@@ -78,7 +78,12 @@ class Assessment(Printed):
         friction = sliding(problem.scene, problem.stated_motions)
         # If the base slides, the runs do not describe the block.
         lines.insert(0 if friction.slides else len(lines), friction.sentence)
-        return "\n".join(lines)
+        return lines
+
+    @property
+    def verdict(self) -> str:
+        """Lines with `sentences`."""
+        return "\n".join(self.sentences)
 
     @property
     def measures(self) -> str:

@@ -10,6 +10,20 @@ import numpy as np
 
 from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, shown
 
+
+class Remark(str):
+    """Note on a channel that begins with its kind. Notes on many records are counted by their kinds."""
+
+    kind: str
+
+    def __new__(cls, kind: str, detail: str = "") -> Remark:
+        """Create a note from its kind and what else it states."""
+        # Pickle creates a note from the whole text, and then restores its kind.
+        note = super().__new__(cls, f"{kind}: {detail}" if detail else kind)
+        note.kind = kind
+        return note
+
+
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2."""
 GREATEST_PEAK = 100.0
@@ -24,13 +38,13 @@ TIMES: dict[str, float] = dict.fromkeys(("s", "sec", "secs", "second", "seconds"
 TIMES |= dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1e-3)
 VERTICAL = "vertical component"
 """Note on a vertical channel."""
-UNKNOWN = "orientation not stated: used as a horizontal component"
+UNKNOWN = Remark("orientation not stated", "used as a horizontal component")
 """Note on a channel if the content of the file does not state the orientation."""
 BOREHOLE = "instrument in a borehole, not at the surface"
 """Note on a channel of KiK-net, which has a second instrument at the surface."""
-UNCORRECTED = "uncorrected: it may contain a drift and the response of the instrument"
+UNCORRECTED = Remark("uncorrected", "it may contain a drift and the response of the instrument")
 """Note on a channel if the file states that it is not corrected."""
-UNSTATED = "correction not stated: it may contain a drift and the response of the instrument"
+UNSTATED = Remark("correction not stated", "it may contain a drift and the response of the instrument")
 """Note on a channel in a format for uncorrected data, if the file does not state whether it is corrected."""
 RAW = UNCORRECTED, UNSTATED
 """Notes on channels whose mean is removed by default."""
@@ -113,12 +127,13 @@ def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
         channel = _without_baseline(channel, baseline, size)
         a = channel.acceleration
     elif abs(mean) > OFFSET * peak:
-        notes.append(f"offset: {size} (baseline 'mean' removes it)")
+        notes.append(Remark("offset", f"{size} (baseline 'mean' removes it)"))
     # The velocity from rest by the trapezoidal rule is the motion that the base of a block follows.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
     if abs(end) > DRIFT * greatest:
-        notes.append(f"drift: the velocity at the end is {end:.3g} m/s, with a peak of {greatest:.3g} m/s")
+        speeds = f"the velocity at the end is {end:.3g} m/s, with a peak of {greatest:.3g} m/s"
+        notes.append(Remark("drift", speeds))
     return channel.with_notes(*notes)
 
 
@@ -133,9 +148,8 @@ def scale_channel(channel: Channel, factor: float) -> Channel:
     if factor == 1.0:
         return channel
     values = factor * channel.acceleration
-    return replace(channel, acceleration=values).with_notes(
-        f"factor: all samples are multiplied by {factor:g}"
-    )
+    note = Remark("factor", f"all samples are multiplied by {factor:g}")
+    return replace(channel, acceleration=values).with_notes(note)
 
 
 def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
@@ -146,11 +160,11 @@ def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
     a = channel.acceleration
     mean = float(np.mean(a))
     if baseline == "mean":
-        return replace(channel, acceleration=a - mean).with_notes(f"baseline removed: {size}")
+        return replace(channel, acceleration=a - mean).with_notes(Remark("baseline removed", size))
     # With times relative to the middle, offset and slope are independent of each other.
     t = (np.arange(a.size) - 0.5 * (a.size - 1)) * channel.dt
     slope = float(t @ a / (t @ t))
-    note = f"baseline removed: {size}, and a slope of {slope:.3g} m/s^3"
+    note = Remark("baseline removed", f"{size}, and a slope of {slope:.3g} m/s^3")
     return replace(channel, acceleration=a - mean - slope * t).with_notes(note)
 
 

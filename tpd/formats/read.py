@@ -268,7 +268,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         remedy, content = f"remove its response with ObsPy and {_SAVE}", "counts of the instrument"
         raise NoAcceleration(f"{trace.id} contains {content}: {remedy}", content)
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
-    code, notes = str(stats.channel).upper(), [UNSTATED]
+    code, notes = str(stats.channel).upper(), list[str]([UNSTATED])
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
     # CyberShake simulates velocities, and its files do not state it.
     # All statements of the file about its contents count, wherever they are.

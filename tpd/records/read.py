@@ -283,8 +283,8 @@ def described(motions: Sequence[Any]) -> list[str]:
         for key, digits in {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}.items():
             values = [float(f[key]) for f in read]
             ranges.append(" to ".join(dict.fromkeys(number(x, digits) for x in (min(values), max(values)))))
-        # Notes contain numbers after a colon: count only their kinds.
-        kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
+        # Notes contain numbers: count only their kinds.
+        kinds = Counter(getattr(note, "kind", note) for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
         return [
             f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {ranges[0]} samples of "

@@ -80,7 +80,7 @@ def losses(block: Block) -> str:
 
 def energy_loss(name: str) -> str:
     """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
-    return name if " and " in name else f"{name} only"
+    return f"{name} only" if name in ("friction", "impacts") else name
 
 
 def rule(of: Rule, allowed: float) -> str:

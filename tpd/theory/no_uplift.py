@@ -118,8 +118,13 @@ class AtRest(NamedTuple):
         (peak, uplift), (ratio, _) = compared(self.peak, self.uplift, 3), compared(1.0 / self.margin, 1.0, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
+    @property
+    def lines(self) -> tuple[str, str]:
+        """Lines for the terminal."""
+        return f"  uplift      {self.lifting_in_words}", f"  sliding     {self.sliding_in_words}"
+
     def __str__(self) -> str:
-        return f"  uplift      {self.lifting_in_words}\n  sliding     {self.sliding_in_words}"
+        return "\n".join(self.lines)
 
 
 class Sliding(NamedTuple):
