@@ -158,7 +158,7 @@ def searches_text(node: ast.AST) -> bool:
         case ast.Call(func=ast.Attribute(attr=name)):
             return name in SEARCHES
         case ast.Compare(left=ast.Constant(value=str(word)), ops=[ast.In() | ast.NotIn()]):
-            return " " in word or word != word.lower()
+            return " " in word or word[:1].isupper()
     return False
 
 

@@ -68,6 +68,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
     outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures, overwrite=options.overwrite)
+    # The results are in their own folder now, so a damaged report does not lose them.
     answer = Code("\n".join([in_words(motions), *lines]))
     for path in add_to(options.design, Section("Fragility under earthquakes", (answer,))):
         print(f"written: {path}")

@@ -251,6 +251,7 @@ class Reason:
 
     def _fall(self, value: str, reference: str) -> dict[str, str]:
         """Return the texts on a reduction that is too small: what it is, and what is required."""
+        # A negative reduction is described as an increase.
         rise = compared(-self.value, -self.reference, 1, percent)[0]
         certain, of = CERTAIN * self.reference, MEASURED.get(self.measure, MEASURED["tilt"])
         is_fall = not self.value < 0.0

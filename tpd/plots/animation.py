@@ -125,6 +125,7 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     # The picture is as large as height and width of one motion allow.
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
+    # Each case has its own axes, with the same scale.
     figure, draws = Picture(figsize=(width, whole), dpi=_DPI), []
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
@@ -136,12 +137,14 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
     tilt = f"tilts magnified {factor} times" if factor > 1 else "drawn to scale"
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
+    # All artists are made before. A frame only moves them, and replaces the texts.
     canvas, pictures = FigureCanvasAgg(figure), []
     for i, time in enumerate(times):
         clock.set_text(f"t = {time:.2f} s")
         for draw in draws:
             draw(i)
         canvas.draw()
+        # The canvas reuses its memory, so each frame is copied.
         pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())[..., :3]))
     return pictures
 

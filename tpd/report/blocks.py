@@ -75,6 +75,7 @@ class Table(Struct, frozen=True, tag=True):
     def __post_init__(self) -> None:
         for n in {len(row) for row in self.rows} - {len(self.head)}:
             raise ValueError(f"a row must have {len(self.head)} cells as the head has, but has {n}")
+        # Scalars of NumPy become numbers of Python, which JSON can store.
         rows = (
             (
                 x

@@ -214,8 +214,10 @@ def add_to(folder: Path | None, section: Section | None = None, page: str = "") 
         report = msgspec.json.decode(stored, type=Report)
     except msgspec.MsgspecError:
         raise ValueError(f"{folder / DATA} is not the data of a report: run the job again") from None
+    # A section replaces that of an earlier run of the same command, at the same place.
     sections = {x.title: x for x in (*report.added, *([section] if section else []))}
     report = replace(report, added=tuple(sections.values()), page=page or report.page)
+    # The pictures are files of the report. One that was removed is left out of the page.
     blocks = (*report.figures, *(block for part in report.sections for block in part.blocks))
     paths = {folder / block.name for block in blocks if isinstance(block, Figure)}
     pictures = {path.name: path.read_bytes() for path in paths if path.exists()}

@@ -28,6 +28,7 @@ def text(report: Report) -> str:
     lines = [line for warning in report.warnings for line in wrapped(warning.marked)]
     lines.append(in_lines(report.summary, report.lines))
     for section in report.added:
+        # The answer of a command is the text that it printed.
         answers = (block.text for block in section.blocks if isinstance(block, Code))
         lines += ["", section.title, "-" * len(section.title), *answers]
     return "\n".join(lines) + "\n"

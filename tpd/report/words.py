@@ -200,6 +200,7 @@ def comparison(runs: PairedRuns) -> Table:
         label, digits = _CHANGES[c.name]
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
         rows.append((label, *shares, difference(c, digits)))
+    # A run that overturns has no largest tilt, but counts in the mean.
     tilts = "Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     caption = f"Validation: {runs.description}. {tilts}"
     caption += " The differences do not allow for the decision." if runs.passed else ""
