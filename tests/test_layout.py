@@ -174,7 +174,7 @@ def test_modules_that_make_sentences_do_not_search_them():
     assert not found
 
 
-STAND_INS = {"search", "exact", "lifts", "without_pendulum", "earthquakes"}
+STAND_INS = {"search", "exact", "uplift_harmonic", "without_pendulum", "earthquakes"}
 """Attributes that only one kind of problem has: a comparison with None is a question about the kind."""
 ASKING = "design", "engines", "plots", "report", "explore", "cli"
 """Layers that know the problem of a design."""

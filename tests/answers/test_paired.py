@@ -202,9 +202,9 @@ def test_every_change_of_hand_made_runs_has_its_known_value():
     assert found.benefit.mean == pytest.approx(1.0 - 2.6 / 4.6, rel=1e-12)
     assert found.benefit.low < found.benefit.mean < found.benefit.high
     known = {
-        "mean severity": (0.26, 0.46),
-        "median severity": (0.2, 0.4),
-        "worst severity": (1.0, 1.0),
+        "mean tilt": (0.26, 0.46),
+        "median tilt": (0.2, 0.4),
+        "worst tilt": (1.0, 1.0),
         "overturned": (0.1, 0.2),
         "at rest": (0.2, 0.1),
     }
@@ -217,7 +217,7 @@ def test_every_change_of_hand_made_runs_has_its_known_value():
         assert np.isnan(c.low) if c.name[:5] in ("media", "worst") else c.low <= c.difference <= c.high
     assert (found.worse_parts, found.rests_less) == ((), False)
     assert found.benefit_in_words.startswith("43 % less tilt (95 % interval ")
-    worst = paired(np.arange(40) / 50, np.full(40, 0.9)).change("worst severity")
+    worst = paired(np.arange(40) / 50, np.full(40, 0.9)).change("worst tilt")
     assert worst.with_pendulum == pytest.approx(np.mean([36, 37, 38, 39]) / 50)
 
 

@@ -51,7 +51,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
         row = {"height": height, "nu": nu, "status": found.status.name}
         row["seconds"] = time.perf_counter() - begun
         if (runs := found.runs) is not None:
-            fell, tilt = runs.change("overturned"), runs.change("mean severity")
+            fell, tilt = runs.change("overturned"), runs.change("mean tilt")
             row |= {"overturned": [fell.without_pendulum, fell.with_pendulum], "design": list(found.nearest)}
             for name, x in (("difference", fell), ("tilt", tilt)):
                 row[name] = [x.difference, x.low, x.high]

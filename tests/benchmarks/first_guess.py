@@ -27,7 +27,7 @@ MEASURES = "compiled", "design"
 SEED, RUNS_SEED = 0, 424_242
 """Seed of the searches, and of the runs that compare."""
 TEMPLATES = ("chimney", "tower", "column", "statue")
-QUANTITIES = {"overturned": "overturned", "tilt": "mean severity"}
+QUANTITIES = {"overturned": "overturned", "tilt": "mean tilt"}
 """Names of the changes of paired runs, by their names in a row."""
 CASES = ("without", "guess", "searched")
 HEADS = {"block": "{block}", "excitation": "{excitation}"}

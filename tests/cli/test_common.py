@@ -310,7 +310,7 @@ def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 13, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 14, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
@@ -366,9 +366,7 @@ def test_every_command_prints_the_notes_on_its_records(run, tmp_path, command):
     if command == "check":
         assert "validation, validation.EW: record: validation.EW, 100 samples" in done.out
     if done.files:
-        reading = done.json(f"{command}.json")["reading"]
-        assert reading["records"] == [facts(motion)]
-        assert reading["notes"] == []
+        assert done.json(f"{command}.json")["records"] == {"files": [facts(motion)], "notes": []}
 
 
 def test_a_command_that_cannot_write_removes_its_new_folder(tmp_path, monkeypatch):

@@ -183,11 +183,11 @@ def test_shake_simulates_a_stored_design_under_another_record(on_records, tmp_pa
 def test_report_and_json_describe_every_record(on_records):
     first = on_records[1]
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
-    content = first.json("design.json")["reading"]
-    assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
+    content = first.json("design.json")["records"]
+    assert {r["source"] for r in content["files"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake), "loma-prieta": facts(quakes)}
-    assert {r.pop("group") for r in content["records"]} == {"search records", "validation records"}
-    assert {r["source"]: r for r in content["records"]} == expected
+    assert {r.pop("group") for r in content["files"]} == {"search records", "validation records"}
+    assert {r["source"]: r for r in content["files"]} == expected
     assert any("records state no orientation" in note for note in content["notes"])
     page = first.files["report.html"].read_text(encoding="utf-8")
     for part in ("quake.csv", "offset: the mean, ", "records state no orientation"):

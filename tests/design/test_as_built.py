@@ -131,13 +131,13 @@ def test_a_design_as_built_has_the_rod_of_the_real_bob(harmonic, rejected):
     assert found.damping == pytest.approx(float(with_it.hinge_damping()))
     assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
     assert (found.mass, found.rod) == pytest.approx(found.bob.built(with_it.mass, with_it.length, g))
-    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - with_it.mass)
-    assert found.loads.tension > found.weight == pytest.approx((with_it.mass + found.dead) * g)
+    assert found.mass_at_hinge == pytest.approx(found.mass * (1.0 + found.rod_share) - with_it.mass)
+    assert found.loads.tension > found.weight == pytest.approx((with_it.mass + found.mass_at_hinge) * g)
     # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
     mu, nu, k = with_it.mass / SCENE.block.mass, float(SCENE.block.slenderness), 0.05
     most = (1.0 + mu) * nu + k
-    assert found.lifts_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
-    assert found.lifts[1] == pytest.approx(nu + k)
+    assert found.uplift_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
+    assert found.uplift_harmonic[1] == pytest.approx(nu + k)
     np.testing.assert_array_equal(found.parts, parts_of(found, with_it.mass * with_it.length**2))
     assert found.reach == pytest.approx(found.bob.reach(found.mass, found.rod, found.angle))
     assert build_of(rejected) is None
@@ -184,7 +184,7 @@ def test_the_sensitivity_under_records_uses_the_validation_records(ground):
         "impact_loss",
         *["slenderness", "amplitude", "frequency", "mass", "length", "damping"],
     }
-    assert build_of(ground).lifts is None
+    assert build_of(ground).uplift_harmonic is None
 
 
 @pytest.mark.parametrize(

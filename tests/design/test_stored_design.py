@@ -96,7 +96,7 @@ def test_a_stored_design_is_read_back_unchanged(design, damaged, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 13, but is of 4: run the job again"),
+        ({"version": 4}, "must be of version 14, but is of 4: run the job again"),
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of recommended, not_to_be_built, tuned_only, too_few"),

@@ -297,7 +297,7 @@ def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
     assert quoted.mean < alone.mean
     assert quoted.high <= alone.high
     # The runs themselves stay as they are, and a benefit far above the required one as well.
-    assert v.quoted.change("mean severity") == v.decided.change("mean severity")
+    assert v.quoted.change("mean tilt") == v.decided.change("mean tilt")
     assert v.quoted.unconditional.benefit == alone
     sure = validated(in_earthquakes(gain=0.8), of=Once)
     for end in ("low", "mean", "high"):

@@ -59,7 +59,7 @@ def test_conditions_on_the_pendulum_are_drawn_in_si_units(band, single):
 def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, under_pulses):
     for design in (band, under_pulses):
         ax, runs = tpd.plot(design, "benefit"), design.runs
-        mean, order = runs.change("mean severity"), np.argsort(design.conditions.column("frequency"))
+        mean, order = runs.change("mean tilt"), np.argsort(design.conditions.column("frequency"))
         around = ax.collections[1].get_segments()[0][:, 0]
         ends = np.array([mean.without_pendulum + mean.low, mean.without_pendulum + mean.high])
         assert around == pytest.approx(np.clip(ends, 0.0, 1.0))

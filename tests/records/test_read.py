@@ -316,7 +316,7 @@ def test_a_record_is_described_in_one_line(tmp_path):
     assert (known["source"], known["samples"], known["scale"]) == ("XXX001.EW", 100, 2.0)
     assert known["pga_g"] == pytest.approx(pga)
     assert known["notes"] == list(motion.notes)
-    assert summary([motion], notes) == {"records": [facts(motion)], "notes": notes}
+    assert summary([motion], notes) == {"files": [facts(motion)], "notes": notes}
     # Many are described by one line.
     waves = [[0.0, 1.0, -0.1 * i] for i in range(5)]
     many = [

@@ -38,7 +38,7 @@ def test_the_json_of_every_design_matches_the_schema(kind):
     assert content["reasons"] == list(design.refusals)
     assert content["runs"]["benefit"]["mean"] == design.runs.benefit.mean
     assert len(content["validated"]) == len(design.validated)
-    assert content["reading"]["records"] == [] or "earthquake" in content["reading"]["records"][0]
+    assert content["records"]["files"] == [] or "earthquake" in content["records"]["files"][0]
 
 
 def test_designs_without_runs_or_with_a_front_match_the_schema():

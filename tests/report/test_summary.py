@@ -25,7 +25,7 @@ def test_the_verdict_states_the_benefit_of_the_validation_runs():
     size = design.benefit
     number = f"{100 * size.mean:.0f} % (95 % interval {100 * size.low:.0f} to {100 * size.high:.0f} %)"
     only = "It holds for this harmonic excitation only. This is not a safety assessment."
-    median = design.runs.change("median severity")
+    median = design.runs.change("median tilt")
     shares = (percent(x) for x in (median.with_pendulum, median.without_pendulum))
     counts = (
         "The mean counts a run that overturns as 100 % of the toppling tilt; the median is {} ({} without it)"

@@ -285,7 +285,7 @@ class PairedRuns(Printed):
             of = Interval(1.0 - ratio.mean, 1.0 - ratio.high, 1.0 - ratio.low)
             quoted = of if self.passed is None else conditional_interval(of, of, self.passed.margin)
             return quoted, of.low > 0.0
-        return self.benefit, self.change("mean severity").high < 0.0
+        return self.benefit, self.change("mean tilt").high < 0.0
 
     def margin(self, measure: str, least: float, low: float) -> float:
         """Return how much smaller the reduction of a measure could be in these runs and still be sufficient.
@@ -318,10 +318,10 @@ class PairedRuns(Printed):
             return Change(name, _size_of(size, pair[0]), _size_of(size, pair[1]), np.nan, np.nan)
 
         return (
-            mean("mean severity", pair),
-            single("median severity", np.median),
+            mean("mean tilt", pair),
+            single("median tilt", np.median),
             # The mean of the 10 % of the runs with the largest tilt, because a single run is chance.
-            single("worst severity", lambda x: np.sort(x)[-max(1, len(x) // 10) :].mean()),
+            single("worst tilt", lambda x: np.sort(x)[-max(1, len(x) // 10) :].mean()),
             mean("overturned", overturned),
             mean("at rest", rests),
         )
@@ -463,7 +463,7 @@ class PairedRuns(Printed):
             "overturned_only_with": with_only,
             "overturned_only_without": without_only,
             "groups": [part.label for part in self.parts],
-            "mean_severity": mean,
+            "mean_tilt": mean,
             "worse_groups": [part.label for part in self.worse_parts],
             "with": self.with_pendulum.summary(),
             "without": self.without_pendulum.summary(),

@@ -246,4 +246,4 @@ def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = 
     point = None if pendulum is None else asdict(pendulum)
     # The seed is null because these commands use no random numbers.
     content = {"scene": tables, "pendulum": point, "versions": files.versions(), "seed": None}
-    return content if job is None else content | {"reading": summary(job.motions, job.notes)}
+    return content if job is None else content | {"records": summary(job.motions, job.notes)}

@@ -23,7 +23,7 @@ from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
-from tpd.design.first_guess import Rule, follow_guess
+from tpd.design.first_guess import FirstGuess, follow_guess
 from tpd.design.problem import Problem, Variation
 from tpd.design.reasons import VALIDATED
 from tpd.design.transfer import Transfer, transfer_of
@@ -190,7 +190,7 @@ class Build:
     mass: float
     """Mass of the body, kg. A part of it swings like the point of the equations, and the rest only adds
     weight at the top. NaN if no body swings like the point."""
-    dead: float
+    mass_at_hinge: float
     """Mass of body and rod that only adds weight at the top, kg."""
     bob_width: float
     """Width of the bob, m."""
@@ -221,10 +221,10 @@ class Build:
     """Weight of bob and rod that acts on the top of the block, N."""
     loads: Loads
     """Largest loads on rod, hinge and base."""
-    lifts: tuple[float, float] | None
+    uplift_harmonic: tuple[float, float] | None
     """Base accelerations over gravity that lift the resting block under the harmonic, with a settled pendulum
     and without one; None under ground motions."""
-    lifts_slow_fast: tuple[float, float]
+    uplift_slow_fast: tuple[float, float]
     """Base accelerations over gravity that lift the resting block with the pendulum, for a very slow and for
     a very fast excitation."""
     pull: PullTest
@@ -280,7 +280,7 @@ class Details(Printed):
     if the rod is longer."""
     wider_bases: tuple[WiderBase, ...] = ()
     """The block without a pendulum on wider bases; empty if there are no validation runs."""
-    rule: Rule | None = None
+    first_guess: FirstGuess | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     worth: Worth | None = None
     """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
@@ -334,7 +334,7 @@ def details(
         bases=bases_of(design),
         lower_hinge=lower_hinge_of(design),
         wider_bases=bases,
-        rule=follow_guess(problem, runs) if runs else None,
+        first_guess=follow_guess(problem, runs) if runs else None,
         worth=worth_of(runs, measure, bases) if runs else None,
         transfer=transfer_of(problem, pendulum, progress) if pendulum and design.status in VALIDATED else (),
         front=front,
@@ -395,7 +395,7 @@ def build_of(design: Design) -> Build | None:
     build = Build(
         bob=bob,
         mass=body,
-        dead=body * (1.0 + rod_share) - mass,
+        mass_at_hinge=body * (1.0 + rod_share) - mass,
         bob_width=2.0 * float(bob.radius(body)),
         bob_height=2.0 * half,
         rod=rod,
@@ -409,8 +409,8 @@ def build_of(design: Design) -> Build | None:
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
-        lifts=problem.lifts(pendulum),
-        lifts_slow_fast=(capacity / (1.0 + kappa * mu), capacity),
+        uplift_harmonic=problem.lifts(pendulum),
+        uplift_slow_fast=(capacity / (1.0 + kappa * mu), capacity),
         pull=pull_test(scene),
     )
     return replace(build, parts=parts_of(build, mass * length**2)) if math.isfinite(body) else build

@@ -291,7 +291,7 @@ class Design(Printed):
         if self.runs is None:
             return math.nan, math.nan if self.trials is None else self.trials.without_pendulum
         # The severities are those of the validation runs, which are nonlinear.
-        mean = self.runs.change("mean severity")
+        mean = self.runs.change("mean tilt")
         return math.nan if self.pendulum is None else mean.with_pendulum, mean.without_pendulum
 
     @property

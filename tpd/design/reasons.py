@@ -306,7 +306,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
     if runs.change("overturned").without_pendulum > 0.0:
         # The mean may fall mainly because fewer runs overturn, which count as 100 %.
-        tilt = runs.change("median severity")
+        tilt = runs.change("median tilt")
         pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
         others.append(
             f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "

@@ -211,7 +211,7 @@ def _reasons(
         more: dict[str, Any] = {"low": gain.low, "high": gain.high, "measure": measure}
         # An annual rate is no share of the runs.
         if measure != "rate":
-            change = runs.change("overturned" if measure == "overturning" else "mean severity")
+            change = runs.change("overturned" if measure == "overturning" else "mean tilt")
             more |= {n: getattr(change, n) for n in ("with_pendulum", "without_pendulum")}
         add_reason(ReasonKind.too_little_benefit, gain.mean, required, **more)
     return out

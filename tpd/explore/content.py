@@ -355,7 +355,7 @@ def _rows(runs: Mapping[str, Any], sentences: Sequence[str]) -> list[tuple[str, 
     # In memory the parts of a summary are objects, and in a file they are dictionaries.
     benefit, changes = _fields(runs["benefit"]), {c["name"]: c for c in map(_fields, runs["changes"])}
     # Changes count the runs of the description. The summaries of both cases count all runs.
-    overturned, mean = changes["overturned"], changes["mean severity"]
+    overturned, mean = changes["overturned"], changes["mean tilt"]
     shares, tilts = ([c[f"{case}_pendulum"] for case in ("with", "without")] for c in (overturned, mean))
     fell = f"{percent(benefit['mean'])} {confidence(benefit['low'], benefit['high'])}"
     fell = "unknown" if math.isnan(benefit["mean"]) else fell

@@ -29,8 +29,8 @@ from tpd.plots.style import (
 _MOST = 24
 """Largest number of groups of runs with a row of their own. They are chosen evenly from all groups."""
 _SHOWN = {
-    "mean severity": "tilt, mean",
-    "worst severity": "tilt, mean of the highest 10 %",
+    "mean tilt": "tilt, mean",
+    "worst tilt": "tilt, mean of the highest 10 %",
     "overturned": "overturned",
     "at rest": "at rest at the end",
 }

@@ -260,7 +260,7 @@ def facts(motion: Record) -> dict[str, Any]:
 
 def summary(motions: Sequence[GroundMotion], notes: Sequence[str] = ()) -> dict[str, Any]:
     """Return the facts of all records, and the notes on them, for JSON."""
-    return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
+    return {"files": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
 
 def in_words(motions: Sequence[GroundMotion]) -> str:

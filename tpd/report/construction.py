@@ -44,14 +44,14 @@ def _sizes(design: Design, build: Build) -> Table:
     mass = point(pendulum)
     body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
     if math.isfinite(build.mass):
-        dead = f"{number(build.dead, 3)} kg of bob and rod act as if fixed at the hinge"
+        dead = f"{number(build.mass_at_hinge, 3)} kg of bob and rod act as if fixed at the hinge"
         body = f"{build.bob}, equivalent to a point mass of {mass}; {dead}"
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
         rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
     # The uplift acceleration depends on the frequency of the excitation. Its limits for slow and fast
     # motions have closed forms.
-    slow, fast = build.lifts_slow_fast
+    slow, fast = build.uplift_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
     lifts = "base acceleration that lifts the block"
     quick = "much faster than the pendulum; near its natural frequency it can be below both values"
@@ -73,9 +73,9 @@ def _sizes(design: Design, build: Build) -> Table:
         (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
         (f"{lifts}, fast motion", f"{number(fast)} g", quick),
     ]
-    if build.lifts is not None:
+    if build.uplift_harmonic is not None:
         settled = f"excitation of the job, after the bob has settled; {without}"
-        rows.append((f"{lifts}, harmonic motion", f"{number(build.lifts[0])} g", settled))
+        rows.append((f"{lifts}, harmonic motion", f"{number(build.uplift_harmonic[0])} g", settled))
     # The loads come from motions in which the block stands; there may be none.
     forces = "The block overturns in all motions. Forces are those of a free swing from the largest angle."
     if loads.motions:

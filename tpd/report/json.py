@@ -64,7 +64,7 @@ def as_json(
         "risk": problem.risk,
         "requirements": replace(problem.requirements, wall_contacts=problem.allowed, reduce=measure),
         "limits": limits,
-        "usage": design.usage,
+        "utilisation": design.usage,
         "job": job_tables,
         "versions": files.versions(),
         "parameters": p and {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
@@ -73,8 +73,8 @@ def as_json(
         "validated": design.validated,
         "trials": design.trials,
         "search": design.search,
-        "reading": {
-            "records": [{"group": name, **facts} for name, facts in words.records(design)],
+        "records": {
+            "files": [{"group": name, **facts} for name, facts in words.records(design)],
             "notes": list(notes),
         },
     }

@@ -62,7 +62,7 @@ def over_runs(design: Design) -> list[Block]:
     cases = runs.with_pendulum, runs.without_pendulum
     rows: list[tuple[Cell, ...]] = []
     # All rows of the table have the same runs, also those of the search records.
-    worst = replace(runs, counted=None).change("worst severity")
+    worst = replace(runs, counted=None).change("worst tilt")
     shares = (percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
     rows.append(("mean tilt of the 10 % of the runs with the largest tilt (of ν)", *shares))
     # All ground motions begin at rest, and grow as recorded.
@@ -141,7 +141,7 @@ def wider_bases(design: Design, details: Details) -> list[Block]:
     cases = [(f"base {percent(x.widening)} wider", x.block, x.runs) for x in details.wider_bases]
     rows = list[tuple[Cell, ...]]()
     for name, block, runs in [("with the pendulum", design.scene.block, design.runs.unconditional), *cases]:
-        share, tilt = (runs.change(of) for of in ("overturned", "mean severity"))
+        share, tilt = (runs.change(of) for of in ("overturned", "mean tilt"))
         # The share without a pendulum on the stated base is in the table of the validation runs.
         shares = percent(share.with_pendulum, 1), words.difference(share), percent(tilt.with_pendulum)
         rows.append((name, float(block.width), *shares))

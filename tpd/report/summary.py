@@ -77,8 +77,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
             yield "rate", ". ".join(yearly[:2])
     if details.wider_bases:
         yield "wider base", wider_bases(details)
-    if details.rule is not None:
-        yield "first guess", words.rule(details.rule, design.problem.allowed)
+    if details.first_guess is not None:
+        yield "first guess", words.first_guess(details.first_guess, design.problem.allowed)
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         yield _clearance(design, design.best.over_limit)
@@ -167,7 +167,7 @@ def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "bob", "no body with this shape and density is equivalent to the point mass"
         return
     size = f"{build.bob}, {number(build.bob_width, 3)} m wide"
-    dead = f"{number(build.dead, 2)} kg of its mass act as if fixed at the hinge"
+    dead = f"{number(build.mass_at_hinge, 2)} kg of its mass act as if fixed at the hinge"
     yield "bob", f"{number(build.mass, 3)} kg as built: {size}; {dead}"
     yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre, as built"
     zeta = number(float(pendulum.damping_ratio), 3)

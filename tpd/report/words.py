@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from tpd.answers.paired import Change, PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
-    from tpd.design.first_guess import Rule
+    from tpd.design.first_guess import FirstGuess
     from tpd.design.problem import Problem
     from tpd.design.wider_base import Worth
 
 _CHANGES = {
-    "mean severity": ("mean tilt", 0),
-    "median severity": ("median tilt", 0),
+    "mean tilt": ("mean tilt", 0),
+    "median tilt": ("median tilt", 0),
     "overturned": ("overturned", 1),
     "at rest": ("at rest at the end", 1),
 }
@@ -83,7 +83,7 @@ def energy_loss(name: str) -> str:
     return f"{name} only" if name in ("friction", "impacts") else name
 
 
-def rule(of: Rule, allowed: float) -> str:
+def first_guess(of: FirstGuess, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
     share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
     exceeds = f"; {exceeding(of.over_limit, allowed, of.limit)}" if of.over_limit > allowed else ""
