@@ -20,7 +20,7 @@ BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=
 def test_shake_writes_the_results_of_the_library(run):
     done = run("shake", COLUMN, PENDULUM_OPTIONS, PULSE, "0.4", "--free", "5")
     assert done.status == 0
-    names = {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
+    names = {"histories.csv", "histories.png", "impacts.csv", "shake.json"}
     assert done.files.keys() == names
     results = done.json("shake.json")["results"]
     scene = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375))
@@ -82,17 +82,17 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     assert "model has no result" in done.out
 
 
-def test_shake_writes_its_numbers_if_an_animation_fails(run, monkeypatch):
+def test_shake_writes_its_numbers_if_a_picture_fails(run, monkeypatch):
     def broken(*_, **how):
         raise RuntimeError("no such font\nat all")
 
-    monkeypatch.setattr("tpd.plots.animation.animate", broken)
+    monkeypatch.setattr("tpd.plots.response.plot_motions", broken)
     with matplotlib.rc_context({"text.usetex": True, "font.family": ["No Such Font"]}):
         done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert (done.status, done.err.count("tpd: ")) == (0, 1)
-    assert "tpd: animation.gif is not drawn: no such font\n" in done.err
+    assert "tpd: histories.png is not drawn: no such font\n" in done.err
     written = [line.rpartition("/")[2] for line in done.out.splitlines() if line.startswith("written: ")]
-    assert written == ["shake.json", "histories.csv", "impacts.csv", "histories.png"]
+    assert written == ["shake.json", "histories.csv", "impacts.csv"]
 
 
 @pytest.mark.parametrize("complete", [[], ["shake.json", "histories.csv"]])

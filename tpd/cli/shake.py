@@ -17,7 +17,6 @@ from tpd.cli.common import CASES
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.design.as_built import TimeHistory
 from tpd.models.piecewise import Nonlinear
 from tpd.report.blocks import wrapped
 from tpd.scene.status import STANDING, UNANSWERED, Status, is_one_of, status_name
@@ -68,13 +67,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         }
         results[name] = {**_numbers(nonlinear), "equations": "nonlinear", "linear": _numbers(linear) | counts}
     content = files.as_json({**common.json_inputs(scene, pendulum, job), "results": results})
-    # The animation uses the histories, which come from the linear model.
-    films: dict[str, TimeHistory] = {}
-    for name, h in histories.items():
-        bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
-        how = {"with_pendulum": h.swing is not None, "overturned": h.overturned}
-        films[name] = TimeHistory(time=h.times, tilt=h.tilt, bob=bob, **how)
-    numbers = ("shake.json", content), *_tables(histories, films)
+    numbers = ("shake.json", content), *_tables(histories)
 
     def draw() -> Any:
         from tpd.plots.response import plot_motions
@@ -84,13 +77,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         axes[0].set_title("linear model, exact between the samples", fontsize=9)
         return axes
 
-    def film() -> bytes:
-        from tpd.plots.animation import animate
-
-        return animate(scene, pendulum, list(films.values()))
-
-    pictures = {"histories.png": draw, "animation.gif": film}
-    outputs.write(options.out, numbers, pictures, overwrite=options.overwrite)
+    outputs.write(options.out, numbers, {"histories.png": draw}, overwrite=options.overwrite)
     # The last case is the one with the pendulum, if there is one. Its outcome decides the exit status.
     last = list(motions.values())[-1][0].status
     return SOUND if is_one_of(last, *STANDING) else UNSOUND
@@ -144,14 +131,15 @@ def difference(without: float, pendulum: float) -> str:
     return f"With the pendulum the largest tilt is {size} (nonlinear model)."
 
 
-def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:
+def _tables(histories: dict[str, MotionHistory]) -> Iterator[tuple[str, str]]:
     """Yield the tables of histories and impacts by the linear model: names and contents of the files."""
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
-    rows = (
-        (name, *row)
-        for name, h in histories.items()
-        for row in zip(h.times, h.base, h.tilt, films[name].bob, h.horizontal, h.vertical, strict=True)
-    )
+    rows = list[tuple[Any, ...]]()
+    for name, h in histories.items():
+        # Without a pendulum the angle of the bob has no meaning.
+        swing = np.zeros_like(h.tilt) if h.swing is None else h.swing
+        columns = h.times, h.base, h.tilt, swing, h.horizontal, h.vertical
+        rows += [(name, *row) for row in zip(*columns, strict=True)]
     yield "histories.csv", files.as_csv(header, rows)
     hits = ((name, *hit) for name, h in histories.items() for hit in h.impacts)
     yield "impacts.csv", files.as_csv(("case", "time_s", "rate_after_rad_s"), hits)

@@ -16,10 +16,10 @@ from PIL import Image
 from tpd.design.as_built import TimeHistory
 from tpd.plots.drawing import BODY, corners, rod
 from tpd.plots.style import BLUE, INK, Picture, own_style
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.scene import Pendulum, Scene
 
-_RATE, _SECONDS, _LONG = 10, 6.0, 10.0
-"""Frames per second; longest duration (s) under harmonic excitation, and under a pulse or a record."""
+_RATE, _SECONDS = 10, 6.0
+"""Frames per second, and longest duration, s."""
 _BEFORE = 0.6
 """Share of a film before the moment that it must show."""
 _PER_PERIOD = 8
@@ -52,26 +52,22 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
     """Return a GIF of some seconds: on the left without the pendulum, on the right with the pendulum.
 
     The film shows the last overturning, if the block overturns in one of the cases. Otherwise it shows the
-    first seconds of a harmonic motion, or the seconds around the largest tilt without the pendulum.
+    first seconds.
 
     The film is slowed if the excitation is too fast for real time, and tilts are magnified if they are too
     small to be seen. The picture states both. The base does not move in the picture.
 
     Args:
-        scene: block and excitation.
+        scene: block with a harmonic excitation.
         pendulum: the pendulum; None for the block alone.
         histories: exact time histories, without and, if there is one, with the pendulum.
     """
-    slowed, seconds, usual = 1, _LONG, 0.0
-    if isinstance(scene.excitation, Harmonic):
-        # With fewer frames in a period the motion would alias and seem to run backwards.
-        slowed = max(1, math.ceil(_PER_PERIOD * scene.excitation.frequency / _RATE))
-        seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
-    else:
-        usual = histories[0].time[np.nanargmax(np.abs(histories[0].tilt))]
+    # With fewer frames in a period the motion would alias and seem to run backwards.
+    slowed = max(1, math.ceil(_PER_PERIOD * scene.excitation.frequency / _RATE))
+    seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
     # A frame of the film shows 1/slowed of the time that it lasts.
     times = np.arange(int(_RATE * seconds)) / (_RATE * slowed)
-    moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=usual)
+    moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=0.0)
     times += max(0.0, moment - _BEFORE * times[-1])
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
     speed = f"{slowed} times slower than real time" if slowed > 1 else "real time"
