@@ -42,7 +42,7 @@ def test_sizes_describe_the_bob_as_built_and_loads_the_simulated_motions():
     assert found["coefficient of friction needed at the base"][0] == loads.friction
     swing = section(loads=loads._replace(friction=np.nan, motions=0))[0]
     assert swing.caption.startswith("The block overturns in all motions.")
-    assert rows(swing)["coefficient of friction needed at the base"][0] is None
+    assert rows(swing)["coefficient of friction needed at the base"][0] == "–"
     assert construction.section(rejected(), details("rejected")) == []
 
 

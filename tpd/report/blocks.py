@@ -4,18 +4,18 @@ render."""
 from __future__ import annotations
 
 import enum
-import math
 import re
 import textwrap
 from functools import partial
+from math import isfinite
 
 from msgspec import Struct
 from msgspec.structs import force_setattr
 
 from tpd.core.formatting import number
 
-_NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?|infinite")
-"""A number, or a number of per cent."""
+_NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?|infinite|–")
+"""A number, a number of per cent, or the words for numbers that are infinite or unknown."""
 _UNIT = re.compile(
     r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))|(?<=\d N) (?=s/m|m)|(?<=\d N m) (?=s/rad)"
 )
@@ -61,8 +61,9 @@ class Text(Struct, frozen=True, tag=True):
 
 
 class Table(Struct, frozen=True, tag=True):
-    """Rows of cells below a row of column headings. Cells that are None or NaN have no value. Infinite cells
-    become words, because JSON has no such numbers.
+    """Rows of cells below a row of column headings. Cells that are None or NaN have no value.
+
+    Infinite numbers and NaN become text, because JSON has no such numbers.
 
     Raises:
         ValueError: a row whose number of cells differs from the number of headings.
@@ -75,16 +76,7 @@ class Table(Struct, frozen=True, tag=True):
     def __post_init__(self) -> None:
         for n in {len(row) for row in self.rows} - {len(self.head)}:
             raise ValueError(f"a row must have {len(self.head)} cells as the head has, but has {n}")
-        # Scalars of NumPy become numbers of Python, which JSON can store.
-        rows = (
-            (
-                x
-                if not isinstance(x, float)
-                else (float(x) if math.isfinite(x) else None if x != x else number(x))
-                for x in row
-            )
-            for row in self.rows
-        )
+        rows = ((number(x) if isinstance(x, float) and not isfinite(x) else x for x in r) for r in self.rows)
         force_setattr(self, "rows", tuple(map(tuple, rows)))
 
     @property

@@ -228,4 +228,5 @@ def add_to(folder: Path | None, section: Section | None = None, page: str = "") 
 
 def data(report: Report) -> str:
     """Return the data of a report as JSON."""
-    return files.as_json(msgspec.to_builtins(report))
+    # Cells can be scalars of NumPy, which only the hook can encode.
+    return files.as_json(msgspec.to_builtins(report, enc_hook=lambda x: x.item()))
