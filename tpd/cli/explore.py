@@ -33,6 +33,7 @@ def run(options: argparse.Namespace) -> int:
 
         page = explore(subject)
     print(f"written: {files.place(out, page.html, files.REPORT, overwrite=options.overwrite)}")
+    # The last file is the page of the report, and there is none beside a job file.
     if written := add_to(out.parent, page=out.name):
         print(f"linked from: {written[-1]}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):

@@ -70,6 +70,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], d
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}
+    # A table that ends early needs a reason for each case.
     overturns = {"without_tilt_rad": angles[0][2]}
     if pendulum is not None:
         columns |= {"with_tilt_rad": angles[1][0], "with_swing_rad": angles[1][1]}

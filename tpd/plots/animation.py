@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Polygon
 from PIL import Image
@@ -122,14 +121,22 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
     # Each case has its own axes, with the same scale.
-    figure, draws = Picture(figsize=(width, whole), dpi=_DPI), []
+    figure, actors = Picture(figsize=(width, whole), dpi=_DPI), []
+    reach, thick = 0.7 * scene.block.width, 0.03 * scene.block.height
+    slab = np.array([[-reach, 0.0], [reach, 0.0], [reach, -thick], [-reach, -thick]])
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
         ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
         ax.set_axis_off()
         title = "without pendulum" if r.pendulum is None else "with pendulum"
         figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, title, ha="center", fontsize=12)
-        draws.append(_actor(ax, scene, r, film))
+        block = ax.add_patch(Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4))
+        ax.add_patch(Polygon(slab, fc=INK, ec=INK))
+        (line,) = ax.plot([], [], color=BLUE, lw=2.0)
+        (bob,) = ax.plot([], [], "o", ms=8, color=INK)
+        # A block that lies on its side could also be one at the largest magnified tilt.
+        label = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
+        actors.append((r, film, block, line, bob, label))
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
     tilt = f"tilts magnified {factor} times" if factor > 1 else "drawn to scale"
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
@@ -137,8 +144,12 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     canvas, pictures = FigureCanvasAgg(figure), []
     for i, time in enumerate(times):
         clock.set_text(f"t = {time:.2f} s")
-        for draw in draws:
-            draw(i)
+        for r, film, block, line, bob, label in actors:
+            corner, pendulum = film[i]
+            block.set_xy(corner)
+            label.set_text("overturned" if r.is_overturned[i] else "")
+            line.set_data(*pendulum.T)
+            bob.set_data(*pendulum[1:].T)
         canvas.draw()
         # The canvas reuses its memory, so each frame is copied.
         pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())[..., :3]))
@@ -154,26 +165,3 @@ def _shapes(scene: Scene, r: Reel, i: int, factor: int) -> tuple[np.ndarray, np.
     # The tilt is magnified, so the hinge is placed within the drawn block.
     share = r.pendulum.hinge_in(scene.block) / scene.block.height
     return block, rod(block, r.pendulum.length, float(r.swing[i]), share)
-
-
-def _actor(
-    ax: Axes, scene: Scene, r: Reel, film: list[tuple[np.ndarray, np.ndarray]]
-) -> Callable[[int], None]:
-    """Add one motion to the axes, and return a function that draws a frame."""
-    reach, thick = 0.7 * scene.block.width, 0.03 * scene.block.height
-    slab = np.array([[-reach, 0.0], [reach, 0.0], [reach, -thick], [-reach, -thick]])
-    block = Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4)
-    ax.add_patch(block)
-    ax.add_patch(Polygon(slab, fc=INK, ec=INK))
-    (line,) = ax.plot([], [], color=BLUE, lw=2.0)
-    (bob,) = ax.plot([], [], "o", ms=8, color=INK)
-    label = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
-
-    def draw(i: int) -> None:
-        corner, pendulum = film[i]
-        block.set_xy(corner)
-        label.set_text("overturned" if r.is_overturned[i] else "")
-        line.set_data(*pendulum.T)
-        bob.set_data(*pendulum[1:].T)
-
-    return draw
