@@ -34,9 +34,7 @@ threads, by default all cores. `cluster` uses [processes or machines](clusters.m
 
 """
 INTERNAL = {
-    "AbstractChoice": "steady",
-    "AbstractFlow": "cycle resolution settle settle_exactly solve_steady widths",
-    "AbstractModel": "check most_periods settle solve_steady steady trajectory",
+    "Model": "check most_periods settle solve_steady trajectory",
     "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
     "Cluster": "client map",
@@ -73,7 +71,7 @@ INTERNAL = {
         "cluster columns condition ended impacts is_lifted lam mu nu of reshape rows stands starts summary"
     ),
     "Scene": "quantities",
-    "Smoothed": "cycle resolution round_off settle_exactly widths",
+    "Smoothed": "cycle resolution round_off settle_exactly solve_steady widths",
     "StoredDesign": "content path versions",
     "Tabular": "columns to_dataframe",
     "Trials": "best_without limits risk undecided",

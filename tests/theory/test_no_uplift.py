@@ -21,7 +21,7 @@ from tpd import (
     status_name,
     transient,
 )
-from tpd.models.base import AbstractModel
+from tpd.models.base import Model
 from tpd.theory import lightest_pendulum, uplift
 from tpd.theory.no_uplift import AtRest, sliding_in_runs
 
@@ -107,7 +107,7 @@ def test_the_lightest_pendulum_has_mass_zero_if_none_is_needed():
         lightest_pendulum(calm, -0.1)
 
 
-def outcomes_after(ramp: int, share: float, model: AbstractModel) -> Counter[str]:
+def outcomes_after(ramp: int, share: float, model: Model) -> Counter[str]:
     """Outcomes of 12 blocks with `share` times the lightest bob, after a start of `ramp` periods."""
     found: Counter[str] = Counter()
     for seed in range(12):

@@ -25,9 +25,8 @@ from tpd.answers.steady_state import Steady, steady_state
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
-from tpd.models.base import AbstractChoice, setting
+from tpd.models.base import scale_of, setting
 from tpd.models.piecewise import Nonlinear, Piecewise
-from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number, State
@@ -47,7 +46,7 @@ _ALIKE = 0.25
 different motions differ more."""
 
 
-class Auto(AbstractChoice):
+class Auto(eqx.Module):
     """Automatic selection of the simplest model whose estimated error is within a tolerance.
 
     A block that never lifts is answered by the no-uplift condition, which also gives the lightest pendulum.

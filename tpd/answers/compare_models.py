@@ -18,7 +18,7 @@ from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import Progress, shown
-from tpd.models.base import AbstractModel
+from tpd.models.base import Model
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
@@ -239,7 +239,7 @@ def _balanced(p: Parameters) -> _Sizes:
     return float(balance.amplitude), float(balance.swing), "rocking"
 
 
-def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
+def _followed(model: Model, p: Parameters) -> _Sizes:
     # The smoothed models need Newton's method, because following alone gives their largest angles only at
     # samples. For the exact model `optimise` has usually compiled it already.
     steady = jax.block_until_ready(steady_state(p, model=model))
