@@ -40,11 +40,10 @@ INTERNAL = {
     "Cluster": "client map",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
     "Design": (
-        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing "
-        "wider_bounds"
+        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing"
     ),
     "DesignSpace": (
-        "beyond bounds bounds_at ends hinge_ratio logarithms longest names of sample scaled searched slopes "
+        "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes "
         "table unscaled with_ratios"
     ),
     "EngineVerdict": "ensemble finer losses scene sliding step step_matters",

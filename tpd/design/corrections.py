@@ -225,10 +225,6 @@ class Corrections:
         good[0] = True
         return np.stack([x[good].min(axis=0), x[good].max(axis=0)])
 
-    def wider_bounds(self, design: np.ndarray) -> tuple[()]:
-        """Return nothing: the gradient at a bound shows its effect."""
-        return ()
-
     def promises(self, share: float) -> bool:
         """Return whether another design can be expected to have enough benefit: yes if there is one."""
         return True

@@ -15,7 +15,6 @@ from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed, number
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduction
-from tpd.design.refine import WiderBound
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
 from tpd.design.trials import Trials
@@ -58,8 +57,6 @@ class Design(Printed):
     equivalent: np.ndarray | None = None
     """Smallest and largest (mu, lam, zeta), shape (2, 3), of the designs that perform equally well within the
     accuracy of the trial runs; None if this is not known."""
-    wider_bounds: tuple[WiderBound, ...] = ()
-    """Effects of wider bounds of the design space, for the bounds that the recommended design lies on."""
 
     @property
     def scene(self) -> Scene:
@@ -200,9 +197,8 @@ class Design(Printed):
         beyond these bounds."""
         if self.nearest is None:
             return []
-        effect = {wider.column: f" ({wider})" for wider in self.wider_bounds}
         return [
-            f"{('lower', 'upper')[side]} search bound of the {self._word(i, side)}{effect.get(i, '')}"
+            f"{('lower', 'upper')[side]} search bound of the {self._word(i, side)}"
             for i, side in self.space.bounds_at(self.nearest).items()
         ]
 

@@ -170,7 +170,6 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         trials=refinement.trials(),
         search=refinement.search,
         equivalent=None if best is None else refinement.equivalent(best),
-        wider_bounds=() if best is None else refinement.wider_bounds(best),
     )
 
 

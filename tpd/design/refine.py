@@ -21,7 +21,6 @@ import numpy as np
 
 from tpd.answers.paired import FEWER
 from tpd.answers.run_table import Runs
-from tpd.core.formatting import number
 from tpd.core.progress import Progress
 from tpd.design.problem import Problem
 from tpd.design.trend import Trend, fit, least_values
@@ -71,26 +70,6 @@ class Compared:
     """Merit of its runs."""
     sizes: dict[str, float]
     """Logarithms of the limited quantities over their limits, by name."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WiderBound:
-    """Effect of a wider bound of the design space, by trial runs beyond the bound."""
-
-    column: int
-    """Column of (mu, lam, zeta)."""
-    bound: float
-    """Bound on which the design lies."""
-    wider: float
-    """Bound of the further trials."""
-    gain: float
-    """Decrease of the risk, at least 0; NaN if no trial beyond the bound keeps the limits."""
-
-    def __str__(self) -> str:
-        if np.isnan(self.gain):
-            return f"up to {number(self.wider, 3)} no design keeps the limits"
-        points = "less than 1 point" if self.gain < 0.01 else f"{number(100.0 * self.gain, 2)} points"
-        return f"a bound of {number(self.wider, 3)} would lower the mean tilt by {points}"
 
 
 @dataclass
@@ -336,38 +315,6 @@ class Refinement:
         trials = self.trials()
         best = trials.designs[trials.feasible][:1]
         return bool(np.any(self.merit.at(self.at(best))[0] <= share * self.merit_of(self.without)))
-
-    def wider_bounds(self, design: np.ndarray) -> tuple[WiderBound, ...]:
-        """Return what wider bounds would bring, for each bound of the space on which a design lies."""
-        out, space = list[WiderBound](), self.problem.space
-        for column, side in space.bounds_at(design).items():
-            wider, bound = space.beyond(column, side), space.ends[side, column]
-            if self.merit is None or (end := wider.ends[side, column]) == bound:
-                continue
-            there = replace(
-                self,
-                problem=replace(self.problem, space=wider),
-                total=len(self.designs) + _BATCH,
-                designs=self.designs.copy(),
-                runs=self.runs.copy(),
-                sizes=self.sizes.copy(),
-                fixed=self.fixed.copy(),
-            )
-            # The trials beyond the bound must not change the answer, only this remark on it.
-            there.fit()
-            if len(new := there.next(_BATCH, _APART[0])):
-                there.evaluate(new)
-            trials = there.trials()
-            assert trials.risk is not None
-            further = (trials.designs[:, column] - bound) * (-1.0, 1.0)[side] > 0.0
-            # Trials are in the order of their merit, so that the first one is the best.
-            rows = trials.feasible & further
-            gain = np.nan
-            if rows.any():
-                here = float(trials.risk.at(there.at(design[None]))[0][0])
-                gain = max(here - float(trials.trend[rows][0]), 0.0)
-            out.append(WiderBound(column=column, bound=float(bound), wider=float(end), gain=gain))
-        return tuple(out)
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the

@@ -26,7 +26,6 @@ from tpd.scene.conditions import Conditions
 
 _DESIGN = (
     "equivalent",
-    "wider_bounds",
     "benefit",
     "overturning_reduction",
     "conditions",
