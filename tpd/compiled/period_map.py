@@ -173,7 +173,13 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     sound = ended == ARRIVED
     if sound:
         _include_event_at_end(q, m, legs, w, start, buffers.motions[TRIAL], limits)
-        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO, c.by)
+        # An angle that the motion never takes has no derivative, and none is used.
+        r.by[:] = 0.0
+        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO)
+        first, last = limits.directions
+        for i in range(ROWS):
+            for j in range(first, last):
+                c.by[i, j] = r.by[i, j]
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)
