@@ -192,5 +192,5 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
         equations=Terms.nonlinear,
         progress=partial(progress, "stated block"),
     ).reshape(len(motions))
-    runs = problem.validation_runs(None, seed, partial(progress, "runs without a pendulum"))
+    runs = problem.validation_runs(None, seed, progress=partial(progress, "runs without a pendulum"))
     return Assessment(problem=problem, stated=replace(stated, cluster=problem.earthquakes), runs=runs)

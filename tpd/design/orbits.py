@@ -36,6 +36,7 @@ from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
+from tpd.scene.scene import NO_PENDULUM
 from tpd.theory.no_uplift import uplift
 
 _PAIRS = 16_384
@@ -118,17 +119,12 @@ class Orbits:
         of_orbits = (x for x in (self.objective, *self.limits) if not x.of_motion)
         return any(type(x) not in LIMIT_KINDS for x in of_orbits)
 
-    @property
-    def massless(self) -> np.ndarray:
-        """Design with a bob without mass, which does not act on the block, (1, 3)."""
-        return np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
-
     def compared_without_pendulum(self) -> Orbits:
         """Return this objective with the tilts of the block without a pendulum, for limits that compare with
         them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
-        e = self.evaluate(self.massless)
+        e = self.evaluate(np.array([NO_PENDULUM]))
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 

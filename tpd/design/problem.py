@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ from tpd.limits import (
 from tpd.scene.conditions import Conditions, HalfWidth, Normal
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
-from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -65,7 +65,7 @@ _SCATTERED = {
 
 
 class Variation(NamedTuple):
-    """Changes of paired runs with respect to the validation runs."""
+    """Change of paired runs with respect to the validation runs."""
 
     equations: str = Terms.nonlinear.value
     """Equations of the runs. With the linear equations the runs are fewer and shorter; they serve
@@ -74,6 +74,12 @@ class Variation(NamedTuple):
     """Scene with another block or gravity; None for the scene of the problem."""
     more: Conditions | None = None
     """Further condition, in addition to all others."""
+
+    @property
+    def fixes_restitution(self) -> bool:
+        """Whether e does not vary, because the scene states another one. Housner's e of another shape varies
+        as that of the stated block."""
+        return self.scene is not None and self.scene.block.restitution != HOUSNER
 
 
 STATED = Variation()
@@ -437,8 +443,10 @@ class Problem(ABC):
         """
 
     @abstractmethod
-    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
-        """Simulate the validation runs of a design by the nonlinear equations; None for the design means no
+    def validation_runs(
+        self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
+    ) -> Runs:
+        """Simulate the validation runs of a design under a variation; None for the design means no
         pendulum."""
 
     @property
@@ -452,17 +460,37 @@ class Problem(ABC):
         """Bob angle (rad) at which a pendulum of the rule must keep the limits; 0 if orbits show it."""
 
     @abstractmethod
+    def _groups_of(self, runs: Runs) -> dict[str, Any]:
+        """Return `group`, `labels` and `counted` of paired runs, see `PairedRuns`."""
+
     def paired_runs(
-        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
+        self,
+        design: np.ndarray,
+        seed: int,
+        varied: Variation = STATED,
+        progress: Progress = unreported,
+        without: Runs | None = None,
     ) -> PairedRuns:
         """Simulate runs with and without the pendulum of a design.
 
         Args:
             design: (mu, lam, zeta), shape (3,).
             seed: seed of the runs. Runs of different seeds are independent.
-            varied: changes with respect to the validation runs.
+            varied: change with respect to the validation runs.
             progress: function of (stage, runs done, total).
+            without: the runs without the pendulum, if they are available.
         """
+        # Both cases have the same seed and conditions, so that the runs are paired.
+        first, second = (partial(progress, f"validation runs {x}") for x in ("with the pendulum", "without"))
+        runs = self.validation_runs(design, seed, varied, first)
+        return PairedRuns(
+            with_pendulum=runs,
+            without_pendulum=without or self.validation_runs(None, seed, varied, second),
+            cluster=self.earthquakes,
+            worse=self.requirements.worse,
+            annual=lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted),
+            **self._groups_of(runs),
+        )
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> Any:
         """Return the `AnnualRates` of overturning in validation runs; None without a hazard.
