@@ -151,7 +151,9 @@ def test_validation_runs_use_half_of_the_ensemble_and_the_nonlinear_equations():
     assert {stage for stage, *_ in events} == {
         f"validation runs {x}" for x in ("with the pendulum", "without")
     }
-    linear = made.paired_runs(DESIGN, 7, Variation("linear", more=tpd.Conditions({"mass": np.array([1.5])})))
+    linear = made.paired_runs(
+        DESIGN, 7, Variation(equations="linear", more=tpd.Conditions({"mass": np.array([1.5])}))
+    )
     assert linear.with_pendulum.equations == "linear"
     assert linear.with_pendulum.mu[0] == pytest.approx(1.5 * 0.15)
 

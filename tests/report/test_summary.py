@@ -12,7 +12,6 @@ from tpd.answers.paired import Decision
 from tpd.answers.statistics import Interval
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives
-from tpd.design.problem import VariationKind
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind, reduction
 from tpd.design.variations import EquivalentWidening
 from tpd.report.answer import answer
@@ -52,7 +51,7 @@ def test_the_verdict_states_the_benefit_of_the_validation_runs():
     no_benefit = replace(design.runs, with_pendulum=design.runs.without_pendulum)
     # A dependence needs a significant difference: fewer runs alone are none.
     for high, is_claimed in ((-0.1, True), (0.1, False)):
-        (case, *_) = details().of(VariationKind.losses)
+        (case, *_) = details().of("losses")
         case = case._replace(runs=no_benefit, difference=Interval(-0.4, -0.6, high))
         said = verdict(design, replace(details(), variations=(case,))).text
         assert ("THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with losses by impacts only" in said) is is_claimed
@@ -270,7 +269,7 @@ def test_sliding_during_rocking_is_a_danger():
 def test_the_row_on_variations_has_the_two_that_reduce_the_benefit_most():
     stated, *_ = details().variations
     changes = {"stiff": (-0.1, -0.2, -0.05), "weak": (-0.3, -0.4, -0.2), "calm": (-0.4, -0.9, 0.1)}
-    kind = VariationKind.quantity
+    kind = "quantity"
     rows = [stated._replace(kind=kind, words=name, difference=Interval(*x)) for name, x in changes.items()]
     said = depends_on(Details(variations=(stated, *rows)))
     weak, stiff = "weak -30 points (-40 to -20)", "stiff -10 points (-20 to -5)"

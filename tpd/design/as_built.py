@@ -22,8 +22,7 @@ from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import Rule, follow_guess
-from tpd.design.problem import VariationKind
-from tpd.design.variations import Dependence, EquivalentWidening, dependences, equivalent_widening, measure_of
+from tpd.design.variations import Dependence, EquivalentWidening, dependences, equivalent_widening
 from tpd.limits import bob_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
@@ -226,7 +225,7 @@ class Details(Printed):
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
 
-    def of(self, *kinds: VariationKind) -> tuple[Dependence, ...]:
+    def of(self, *kinds: str) -> tuple[Dependence, ...]:
         """Return the variations of these kinds."""
         return tuple(row for row in self.variations if row.kind in kinds)
 
@@ -260,12 +259,12 @@ def details(
         True
     """
     problem, pendulum, runs = design.problem, design.pendulum, design.runs
-    rows = dependences(design, progress)
+    rows = dependences(problem, design.best, progress)
     out = Details(
         build=build_of(design),
         variations=rows,
         rule=follow_guess(problem, runs) if runs else None,
-        worth=equivalent_widening(runs, measure_of(design), rows),
+        worth=equivalent_widening(design.best, rows),
         front=front,
     )
     scene = design.scene

@@ -304,15 +304,6 @@ class GroundMotionProblem(Problem):
         labels = tuple(g.name for g in self.groups)
         return {"group": group, "labels": labels, "counted": counted if counted.any() else None}
 
-    def with_block(self, block: Block) -> GroundMotionProblem:
-        """See `Problem.with_block`. The levels change if their intensity depends on the block."""
-        scene, of = replace(self.scene, block=block), self.conditions
-        # Every motion has the same ratio, because only the block differs.
-        before, after = (motion_factors(x, of)[0] for x in (self.scene, scene))
-        factors = {**of.factors, "amplitude": of.column("amplitude") * before / after}
-        scales = tuple(scale * before / after for scale in of.scales)
-        return replace(self, scene=scene, conditions=replace(of, factors=factors, scales=scales))
-
     @property
     def _scales(self) -> list[float]:
         return sorted(set(self.conditions.scales))
@@ -401,7 +392,8 @@ class GroundMotionProblem(Problem):
     def _rows(self, design: np.ndarray | None, scene: Scene, conditions: Conditions) -> np.ndarray:
         """Return the parameters of a design under all conditions as rows (n, 10) of compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
-        factor = motion_factors(scene, conditions)
+        # Another block has the same motions as the stated one.
+        factor = motion_factors(self.scene, conditions)
         unit = Scene(scene.block, _UNIT, scene.gravity)
         # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}

@@ -6,12 +6,11 @@ on the kind of excitation. Validation and report are written once, for `Problem`
 
 from __future__ import annotations
 
-import enum
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -66,34 +65,16 @@ _SCATTERED = {
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
-class VariationKind(enum.Enum):
-    """Kind of a variation of a design."""
-
-    stated = "the stated design"
-    quantity = "another value of one quantity"
-    losses = "another loss of energy"
-    width = "a narrower base, as with worn edges or a soft bearing"
-    hinge = "a hinge at mid-height"
-    records = "records of another set"
-    base = "a wider base without a pendulum"
+VariationKind = Literal["stated", "quantity", "losses", "width", "hinge", "records", "base"]
+"""Kinds of variations: the stated design, another value of one quantity, another loss of energy, a narrower
+base as with worn edges or a soft bearing, a hinge at mid-height, records of another set, and a wider base
+without a pendulum."""
 
 
 class Variation(NamedTuple):
     """Change of paired runs with respect to the validation runs."""
 
-    equations: str = Terms.nonlinear.value
-    """Equations of the runs. With the linear equations the runs are fewer and shorter; they serve
-    comparisons."""
-    scene: Scene | None = None
-    """Scene with another block or gravity; None for the scene of the problem."""
-    more: Conditions | None = None
-    """Further condition, in addition to all others."""
-    problem: Problem | None = None
-    """Problem with another hinge, or with a wider block under the same excitation in SI units; None for the
-    stated one."""
-    records: tuple[Record, ...] = ()
-    """Records of another set; empty for the stated excitation."""
-    kind: VariationKind = VariationKind.stated
+    kind: VariationKind = "stated"
     """Kind of the variation."""
     name: str = ""
     """Name of what changes, see `tpd.design.variations.Dependence`."""
@@ -101,18 +82,28 @@ class Variation(NamedTuple):
     """Relative change, or level of the records."""
     words: str = ""
     """Words for the varied design."""
+    equations: str = Terms.nonlinear.value
+    """Equations of the runs. With the linear equations the runs are fewer and shorter; they serve
+    comparisons."""
+    scene: Scene | None = None
+    """Scene with another block, under the same motions in SI units; None for the scene of the problem."""
+    more: Conditions | None = None
+    """Further condition, in addition to all others."""
+    problem: Problem | None = None
+    """Problem with another hinge; None for the stated one."""
+    records: tuple[Record, ...] = ()
+    """Records of another set; empty for the stated excitation."""
 
     @property
     def keeps_block(self) -> bool:
         """Whether the block without a pendulum stays as it is, because only the pendulum changes."""
-        of_pendulum = self.more is not None and self.more.factors.keys() <= {"mass", "length", "damping"}
-        return self.kind is VariationKind.hinge or of_pendulum
+        return self.kind == "hinge" or self.name in ("mass", "length", "damping")
 
     @property
     def fixes_restitution(self) -> bool:
-        """Whether e does not vary, because the scene states another one. Housner's e of another shape varies
-        as that of the stated block."""
-        return self.scene is not None and self.scene.block.restitution != HOUSNER
+        """Whether e does not vary, because the variation states e. On a wider base e varies as stated."""
+        is_stated = self.scene is not None and self.scene.block.restitution != HOUSNER
+        return is_stated and self.kind != "base"
 
 
 STATED = Variation()
@@ -538,10 +529,6 @@ class Problem(ABC):
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
         a hazard under ground motions of several levels, else empty. Sentences have no full stop."""
         return () if rates is None else rates.sentences
-
-    def with_block(self, block: Block) -> Problem:
-        """Return the problem of another block under the same excitation in SI units."""
-        return replace(self, scene=replace(self.scene, block=block))
 
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the

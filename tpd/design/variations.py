@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,9 @@ from tpd.answers.statistics import LEVEL, Interval, added_up
 from tpd.answers.transient import FREE
 from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress, unreported
-from tpd.design.design import Design
-from tpd.design.problem import Variation, VariationKind
-from tpd.design.reasons import VALIDATED
+from tpd.design.problem import Problem, Variation, VariationKind
+from tpd.design.reasons import OFFERED, VALIDATED
+from tpd.design.validate import Validated
 from tpd.records.sets import SETS, fema_p695
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import earthquakes_of, events_of
@@ -43,6 +44,8 @@ _QUANTITIES = {
     "damping": (0.4, "moment of the damper"),
 }
 """Share by which each quantity is varied, and its words. The loss of an impact is 1 - e."""
+_OF_SET = re.compile(r"RSN\d+/.* \d{4}/")
+"""Beginning of the name of a record of `fema_p695`."""
 NARROW = 0.9
 """Share of its base on which the block rocks in the comparison with a narrower base."""
 LEVELS = (1.5, 2.0, 3.0, 4.0)
@@ -105,105 +108,111 @@ class EquivalentWidening(NamedTuple):
     """Whether the same runs decided that the pendulum is recommended. The interval does not allow for it."""
 
 
-def dependences(design: Design, progress: Progress = unreported) -> tuple[Dependence, ...]:
-    """Follow all variations of a design.
+def dependences(
+    problem: Problem, best: Validated | None, progress: Progress = unreported
+) -> tuple[Dependence, ...]:
+    """Follow all variations of the best design of a search.
 
     Without a recommended pendulum there are only wider bases, and without validation runs there are none.
 
     Args:
-        design: result of `optimise`.
+        problem: problem of the design.
+        best: the best design with its validation; None if there is none.
         progress: function of (stage, variations done, total).
     """
-    fixed, rows = [*_linear(design), *_other_records(design)], list[Dependence]()
-    measure = measure_of(design)
-    for varied in chain(fixed, _wider_bases(design, rows)):
+    if best is None:
+        return ()
+    fixed, rows = [*_linear(problem, best), *_other_records(problem, best)], list[Dependence]()
+    for varied in chain(fixed, _wider_bases(problem, best, rows)):
         progress("variations", len(rows), len(fixed) + 3)
-        stated = rows[0].runs if rows else None
-        runs = pairs(design, varied, stated)
-        reference = None if varied.kind is VariationKind.records else stated
-        if varied.kind is VariationKind.base and design.runs is not None:
-            reference = design.runs.unconditional
-        difference = runs.reduction_minus(reference, measure) if reference and measure else None
-        row = varied.kind, varied.name, varied.share, varied.words
-        rows.append(Dependence(*row, runs, measure, difference))
+        stated, measure = rows[0].runs if rows else None, measure_of(best)
+        runs = pairs(problem, best, varied, stated)
+        reference = best.runs.unconditional if varied.kind == "base" and best.runs else stated
+        is_compared = measure and reference and not varied.records
+        difference = runs.reduction_minus(reference, measure) if is_compared else None
+        rows.append(Dependence(*varied[:4], runs, measure, difference))
     progress("variations", 1, 1)
     # Bases are followed in another order than that of their widths.
-    is_base = VariationKind.base
-    return tuple(sorted(rows, key=lambda row: row.share if row.kind is is_base else -1.0))
+    return tuple(sorted(rows, key=lambda row: row.share if row.kind == "base" else -1.0))
 
 
-def measure_of(design: Design) -> str:
+def measure_of(best: Validated | None) -> str:
     """Return the measure by which variations are compared; empty if no pendulum is recommended."""
-    if design.pendulum is None or design.best is None:
+    if best is None or best.status not in OFFERED:
         return ""
     # A rate is compared by the share of the runs that overturn, because these runs have one level each.
-    return "tilt" if design.best.measure == "tilt" else "overturning"
+    return "tilt" if best.measure == "tilt" else "overturning"
 
 
-def pairs(design: Design, varied: Variation, stated: PairedRuns | None = None) -> PairedRuns:
-    """Return the paired runs of a design under a variation.
+def pairs(
+    problem: Problem, best: Validated, varied: Variation, stated: PairedRuns | None = None
+) -> PairedRuns:
+    """Return the paired runs of a validated design under a variation.
 
     Args:
-        design: result of `optimise`.
+        problem: problem of the design.
+        best: the design.
         varied: the variation.
         stated: runs of the stated design, of which those without a pendulum are used again for a variation of
             the pendulum alone.
     """
-    problem, pendulum, block = varied.problem or design.problem, design.pendulum, design.scene.block
-    if varied.kind is VariationKind.base:
-        assert design.runs is not None
+    if varied.kind == "base":
+        assert best.runs is not None
         # The seed is that of the quoted runs, which have the same initial states and the same scatter.
-        wider = problem.validation_runs(None, design.runs.with_pendulum.seed)
-        return replace(design.runs, with_pendulum=wider, passed=None)
-    assert pendulum is not None
+        wider = problem.validation_runs(None, best.runs.with_pendulum.seed, varied)
+        return replace(best.runs, with_pendulum=wider, passed=None)
     if varied.records:
         # The stated block without scatter, as in a fragility.
-        gravity = float(design.scene.gravity)
+        gravity, cluster = float(problem.scene.gravity), earthquakes_of(varied.records)
         peak = varied.share * problem.at_rest.uplift * gravity
         factors = np.array([[peak / float(record.pga)] for record in varied.records])
         how = {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear, "brief": True}
-        runs = follow_scaled(block, [pendulum, None], varied.records, factors, **how)
+        cases = [best.pendulum, None]
+        runs = follow_scaled(problem.scene.block, cases, varied.records, factors, **how)
         one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
-        cluster = earthquakes_of(varied.records)
-        group = np.zeros(len(cluster), int)
-        return PairedRuns(with_pendulum=one, without_pendulum=other, group=group, labels=(), cluster=cluster)
+        own = {"group": np.zeros(len(cluster), int), "labels": (), "cluster": cluster}
+        return PairedRuns(with_pendulum=one, without_pendulum=other, **own)
     without = stated.without_pendulum if stated and varied.keeps_block else None
-    return problem.paired_runs(problem.ratios(pendulum), problem.run_seed(_SEED), varied, without=without)
+    design, seed = problem.ratios(best.pendulum), problem.run_seed(_SEED)
+    return (varied.problem or problem).paired_runs(design, seed, varied, without=without)
 
 
-def _linear(design: Design) -> Iterator[Variation]:
+def _linear(problem: Problem, best: Validated) -> Iterator[Variation]:
     """Yield the stated design, and the variations that are compared with it by the linear model."""
-    problem, pendulum, scene, block = design.problem, design.pendulum, design.scene, design.scene.block
-    if pendulum is None:
+    if not measure_of(best):
         return
-    stated = Variation(Terms.linear.value, kind=VariationKind.stated, words="all as stated")
+    scene, block = problem.scene, problem.scene.block
+    e, nu, k = (float(x) for x in (block.velocity_ratio, block.slenderness, block.friction))
+    stated = Variation(words="all as stated", equations=Terms.linear.value)
     yield stated
-    present = {"impact_loss": float(block.velocity_ratio) != 1.0, "friction": block.friction}
+    present = {"impact_loss": e != 1.0, "friction": k}
     for name, (width, label) in _QUANTITIES.items():
         for share, way in ((-width, "lower"), (width, "higher")) if present.get(name, True) else ():
-            quantity = {"kind": VariationKind.quantity, "name": name, "share": share}
-            varied = stated._replace(**quantity, words=f"{label} {percent(width)} {way}")
-            if name != "impact_loss":
-                yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
-                continue
-            # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss 1 - e
-            # of the block instead, and fix the resulting e.
-            e = max(1.0 - (1.0 - float(block.velocity_ratio)) * (1.0 + share), 0.0)
-            yield varied._replace(scene=replace(scene, block=replace(block, restitution=e)))
+            row = "quantity", name, share, f"{label} {percent(width)} {way}"
+            change: dict[str, Any] = {}
+            if name == "impact_loss":
+                # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss
+                # 1 - e of the block instead, and fix the resulting e.
+                other = replace(block, restitution=max(1.0 - (1.0 - e) * (1.0 + share), 0.0))
+                change["scene"] = replace(scene, block=other)
+            else:
+                change["more"] = Conditions({name: np.array([1.0 + share])})
+            yield Variation(*row, stated.equations, **change)
     for name, other in loss_models(scene).items():
         if other != block:
-            only = "" if " and " in name else " only"
             size = f"k = {number(float(other.friction), 3)}, e = {number(float(other.velocity_ratio), 4)}"
-            losses = {"kind": VariationKind.losses, "name": name, "scene": replace(scene, block=other)}
-            yield stated._replace(**losses, words=f"losses by {name}{only} ({size})")
+            row = "losses", name, 0.0, f"losses by {name} ({size})"
+            yield Variation(*row, stated.equations, scene=replace(scene, block=other))
     # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
-    narrow, words = Conditions({"slenderness": np.array([NARROW])}), f"{percent(NARROW)} of the base"
-    yield stated._replace(kind=VariationKind.width, share=NARROW - 1.0, more=narrow, words=words)
+    words = f"{percent(NARROW)} of the base (lifts at {number(NARROW * nu + k, 3)} g without the pendulum)"
+    row = "width", "", NARROW - 1.0, words
+    yield Variation(*row, stated.equations, more=Conditions({"slenderness": np.array([NARROW])}))
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
     middle = float(block.half_height)
-    if pendulum.length <= middle < pendulum.hinge_in(block):
+    if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
         lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
-        yield stated._replace(kind=VariationKind.hinge, problem=lower, words="hinge at mid-height")
+        row = "hinge", "", 0.0, "hinge at mid-height"
+        yield Variation(*row, stated.equations, problem=lower)
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:
@@ -222,20 +231,20 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     impacts = HOUSNER if e == 1.0 else block.restitution
     friction = k or float(equivalent_friction(p, _EQUIVALENT_TILT * float(p.nu))) if e < 1.0 else k
     return {
-        "friction": replace(block, friction=friction, restitution=1.0),
-        "impacts": replace(block, friction=0.0, restitution=impacts),
+        "friction only": replace(block, friction=friction, restitution=1.0),
+        "impacts only": replace(block, friction=0.0, restitution=impacts),
         "friction and impacts": replace(block, friction=friction, restitution=impacts),
     }
 
 
-def _other_records(design: Design) -> Iterator[Variation]:
+def _other_records(problem: Problem, best: Validated) -> Iterator[Variation]:
     """Yield the sets of FEMA P695 of which a recommended design used no record, at each level.
 
     There are none if the design used no such set, or if the records are not installed.
     """
-    motions = [motion for group in design.problem.groups for motion in group.motions]
+    motions = [motion for group in problem.groups for motion in group.motions]
     names = {getattr(motion, "name", "") for motion in motions}
-    if design.pendulum is None or design.status not in VALIDATED or not any(map(is_of_set, names)):
+    if best.status not in VALIDATED or not any(map(_OF_SET.match, names)):
         return
     for name in SETS:
         try:
@@ -251,54 +260,39 @@ def _other_records(design: Design) -> Iterator[Variation]:
         count = f"{len(quakes & used)} of {len(quakes)} earthquakes used at other stations"
         for level in LEVELS:
             words = f"{name}, PGA {level:g} times that of uplift ({count})"
-            of = {"kind": VariationKind.records, "name": name, "share": level}
-            yield Variation(**of, records=records, words=words)
+            yield Variation("records", name, level, words, records=records)
 
 
-def is_of_set(name: str) -> bool:
-    """Return whether a record with this name is of a set of FEMA P695."""
-    return re.match(r"RSN\d+/.* \d{4}/", name) is not None
-
-
-def _wider_bases(design: Design, rows: Sequence[Dependence]) -> Iterator[Variation]:
-    """Yield wider bases in the validation runs of a design, until one is worth as much as the pendulum.
+def _wider_bases(problem: Problem, best: Validated, rows: Sequence[Dependence]) -> Iterator[Variation]:
+    """Yield wider bases in the validation runs, until one is worth as much as the pendulum.
 
     Args:
-        design: result of `optimise`.
+        problem: problem of the design.
+        best: the design.
         rows: the results so far, which include those of the bases before.
     """
-    if design.runs is None:
-        return
-
-    def is_short() -> bool:
-        widest = equivalent_widening(design.runs, measure_of(design), rows)
-        return widest is not None and math.isinf(widest.widening)
-
     # Few widths are followed, because each takes as long as a part of the validation.
-    for widening in (USUAL, *_NARROWER, *_WIDER):
-        if widening != USUAL and is_short() != (widening > USUAL):
-            continue
-        try:
-            block = design.scene.block.widened(1.0 + widening)
-        except ValueError:
-            # The equations do not hold for a block that is too wide.
-            continue
-        words = f"base {percent(widening)} wider ({number(float(block.width))} m), no pendulum"
-        problem = design.problem.with_block(block)
-        yield Variation(kind=VariationKind.base, share=widening, problem=problem, words=words)
+    for widening in (USUAL, *_NARROWER, *_WIDER) if best.runs else ():
+        worth = equivalent_widening(best, rows)
+        is_short = worth is not None and math.isinf(worth.widening)
+        # The equations do not hold for a block that is too wide.
+        with suppress(ValueError):
+            block = problem.scene.block.widened(1.0 + widening)
+            if widening == USUAL or is_short == (widening > USUAL):
+                words = f"base {percent(widening)} wider ({number(float(block.width))} m), no pendulum"
+                yield Variation("base", "", widening, words, scene=replace(problem.scene, block=block))
 
 
-def equivalent_widening(
-    runs: PairedRuns | None, measure: str, rows: Sequence[Dependence]
-) -> EquivalentWidening | None:
-    """Return the widening of the base that is worth as much as the pendulum of validation runs.
+def equivalent_widening(best: Validated | None, rows: Sequence[Dependence]) -> EquivalentWidening | None:
+    """Return the widening of the base that is worth as much as the pendulum in its validation runs.
 
     The measure is interpolated linearly between the wider bases among the rows. The narrowest base that is as
     good counts. The bootstrap draws the independent runs, or the earthquakes, again, for all bases and the
-    pendulum together. The result is None without a measure, and without a base or a run that has an answer in
-    all cases.
+    pendulum together. The result is None without a recommended pendulum, and without a base or a run that has
+    an answer in all cases.
     """
-    bases = sorted((row for row in rows if row.kind is VariationKind.base), key=lambda row: row.share)
+    bases = sorted((row for row in rows if row.kind == "base"), key=lambda row: row.share)
+    measure, runs = measure_of(best), best and best.runs
     if runs is None or not (measure and bases):
         return None
     # Columns: with the pendulum, as it is, and on each wider base.

@@ -14,30 +14,16 @@ from tpd.answers.run_table import Runs
 from tpd.core.formatting import compared, interval, number, percent, unanswered
 from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
-from tpd.design.problem import VariationKind
 from tpd.design.reasons import reduced
 from tpd.design.sizes import MOTION_KINDS
-from tpd.design.variations import Dependence
 from tpd.limits import LABELS, MEASURED, STILL, Clearance
 from tpd.records.read import same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.scene.conditions import Normal
 
 _ROWS, _MOST = 40, 8
 """Largest number of conditions in a table, chosen evenly from all; largest number of rows on limits."""
 _SOUND = "The reduction remains significant in all variations of the linear runs."
-_HOW_TO_MEASURE = {
-    "impact_loss": "pull-and-release test; e is a fixed number in these rows",
-    "friction": "pull-and-release test",
-    "slenderness": "bearing width of the base and height of the centroid",
-    "amplitude": "source of the excitation",
-    "frequency": "source of the excitation",
-    "mass": "weigh the bob",
-    "length": "time of ten oscillations",
-    "damping": "first swing to the other side",
-}
-"""How to measure each quantity on site."""
 
 
 def sections(
@@ -152,70 +138,36 @@ def depends_on(design: Design, details: Details) -> list[Block]:
     insignificant."""
     if not details.variations:
         return []
-    tolerances, rows = _tolerances(design), list[tuple[Cell, ...]]()
+    rows = list[tuple[Cell, ...]]()
     for of in details.variations:
         changes = (of.runs.change(name) for name in ("overturned", "mean severity"))
         shares = (f"{percent(x.with_pendulum, 1)} / {percent(x.without_pendulum, 1)}" for x in changes)
-        difference = None if of.difference is None else words.points(*astuple(of.difference))
-        rows.append((of.words, *shares, difference, tolerances.get(_quantity(of)), _remark(design, of)))
-    widening = words.wider(details.worth) if details.worth else ""
-    same = f"The pendulum has the same effect as a block {widening}. " if widening else ""
-    stated, text = details.of(VariationKind.stated), list[Block]()
-    reduction, about = "difference of the reduction", ""
-    if stated:
+        points = of.difference and words.points(*astuple(of.difference))
+        rows.append((of.words, *shares, points))
+    about, text, reduction = "", list[Block](), "difference of the reduction"
+    if stated := details.of("stated"):
         runs, measure = stated[0].runs, stated[0].measure
         reduction, gain = f"reduction of the {MEASURED[measure]}, minus as stated", runs.reduction(measure)[0]
         about = (
             f"{runs.description}: the stated reduction is {interval(gain.mean, gain.low, gain.high)}. "
             f"{words.COMPARISON} Other sets of records: nonlinear model, no scatter, no stated case. "
+            f"Tolerances in the validation runs: {design.problem.scatter_in_words()}. Build it describes how "
+            "to measure the quantities; ν follows from bearing width and height of the centroid. Worn edges "
+            "or a soft bearing leave a part of the base, 70 to 91 % in tests of four wooden blocks: state a "
+            "known share as `effective_width`. "
         )
+        if details.worth:
+            about += f"The pendulum has the same effect as a block {words.wider(details.worth)}. "
         # A wider base is no risk of the pendulum, and other records have no stated reduction.
-        kinds = set(VariationKind) - {VariationKind.base, VariationKind.records}
+        kinds = {"stated", "quantity", "losses", "width", "hinge"}
         lost = "; ".join(of.words for of in details.of(*kinds) if not of.is_significant)
         text = [Text(f"The reduction is not significant in these linear runs: {lost}." if lost else _SOUND)]
     caption = (
-        f"{about}{same}Wider bases: validation runs, of the whole block on a wider base without a pendulum / "
-        "as stated, with the same height, depth and density; the difference is from the pendulum. Tolerance: "
-        "scatter in the validation runs."
+        f"{about}Wider bases: validation runs, of the whole block on a wider base without a pendulum / as "
+        "stated, with the same height, depth and density; the difference is from the pendulum."
     )
-    head = "varied", *(f"{x}, with / without" for x in ("overturned", "mean tilt (of ν)")), reduction
-    return [Table((*head, "tolerance", "remark"), tuple(rows), caption), *text]
-
-
-def _tolerances(design: Design) -> dict[str, str]:
-    """Return the scatter of each quantity in the validation runs, by its name in the variations."""
-    loss = 1.0 - float(design.scene.block.velocity_ratio)
-    out = dict[str, str]()
-    for name, width in design.problem.scatter.items():
-        # The scatter of e is relative to e, or a difference from it, but the variation is of the loss 1 - e.
-        is_loss = name == "restitution"
-        if isinstance(width, Normal):
-            out["impact_loss"] = f"standard deviation {percent(width.deviation / loss)}"
-        elif not is_loss or loss:
-            of = width * (1.0 - loss) / loss if is_loss else width
-            out["impact_loss" if is_loss else name] = f"±{percent(of)}"
-    # The runs scatter about every condition. Under ground motions the conditions are levels.
-    for name, factors in design.conditions.factors.items() if "conditions" in design.problem.pictures else ():
-        if (low := factors.min()) < (high := factors.max()):
-            out[name] = f"{100.0 * (low - 1.0):+.0f} to {100.0 * (high - 1.0):+.0f} %"
-    return out
-
-
-def _quantity(of: Dependence) -> str:
-    """Return the name of the quantity that a variation changes; empty if it changes something else."""
-    return of.name if of.kind is VariationKind.quantity else ""
-
-
-def _remark(design: Design, of: Dependence) -> str | None:
-    """Return how to measure a quantity on site, or what else there is to know about a variation."""
-    if of.kind is not VariationKind.width:
-        return _HOW_TO_MEASURE.get(_quantity(of))
-    block = design.scene.block
-    lifts = (f"{number(x * block.slenderness + block.friction, 3)} g" for x in (1.0 + of.share, 1.0))
-    return (
-        "worn edges or a soft bearing (70 to 91 % in tests of four wooden blocks): without a pendulum it "
-        f"lifts at {' instead of '.join(lifts)}; state a known share as `effective_width`"
-    )
+    shares = (f"{x}, with / without" for x in ("overturned", "mean tilt (of ν)"))
+    return [Table(("varied", *shares, reduction), tuple(rows), caption), *text]
 
 
 def limiting(design: Design, build: Build | None = None) -> list[Block]:

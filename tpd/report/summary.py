@@ -15,7 +15,7 @@ from tpd.core.formatting import compared, ends, number, percent
 from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
 from tpd.design.design import Design
-from tpd.design.problem import Problem, VariationKind
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.variations import USUAL
 from tpd.limits import LABELS, MEASURED, Clearance, limit_of
@@ -52,7 +52,7 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     """Return the verdict of the design, with a caution if the benefit depends on the energy losses."""
     caution = ""
     # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
-    for case in () if details is None else details.of(VariationKind.losses):
+    for case in () if details is None else details.of("losses"):
         # Fewer runs alone can make a benefit insignificant. The same runs must also show a difference.
         if case.difference is not None and case.difference.high < 0.0 and not case.is_significant:
             by, around = percent(-case.difference.mean), ends(-case.difference.high, -case.difference.low)
@@ -78,7 +78,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # What an owner decides by comes before the parts, and what it depends on comes late.
         if yearly := design.problem.yearly(design.runs.annual_rates):
             yield "rate", ". ".join(yearly[:2])
-    if details.of(VariationKind.base):
+    if details.of("base"):
         yield "wider base", wider_bases(details)
     if details.rule is not None:
         yield "first guess", words.rule(details.rule, design.problem.allowed)
@@ -115,14 +115,14 @@ def wider_bases(details: Details) -> str:
     if details.worth is not None:
         # The report has a table with the wider bases.
         return f"the pendulum has the same effect as a block {words.wider(details.worth)}"
-    bases = (of for of in details.of(VariationKind.base) if of.share <= USUAL)
+    bases = (of for of in details.of("base") if of.share <= USUAL)
     shares = (f"{percent(of.runs.change('overturned').with_pendulum, 1)} ({of.words})" for of in bases)
     return f"overturned in the same runs: {', '.join(shares)}"
 
 
 def depends_on(details: Details) -> str:
     """Return the variations that reduce the benefit most in the same linear runs; empty without any."""
-    kinds = VariationKind.quantity, VariationKind.losses, VariationKind.width
+    kinds = "quantity", "losses", "width"
     rows = [(of.difference, of) for of in details.of(*kinds) if of.difference is not None]
     if not rows:
         return ""
