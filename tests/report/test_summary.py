@@ -177,7 +177,7 @@ def test_every_summary_compares_the_pendulum_with_wider_bases():
     # Without a pendulum that is offered the bases remain.
     said = flat(answer(rejected(), details("rejected"), most=1000))
     assert "wider base overturned in the same runs: " in said
-    assert "% (base 20 % wider (" in said
+    assert "% (base 20 % wider, " in said
     assert said.count("alternative a tie") == 1
 
 

@@ -265,7 +265,7 @@ class GroundMotionProblem(Problem):
         least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
         repeats = -(-least // len(self.conditions)) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
-        return self._simulate(design, self.scene, some, equations)
+        return self._simulate(design, some, Variation(equations=equations))
 
     @property
     def rule_lengths(self) -> tuple[float, float]:
@@ -288,10 +288,8 @@ class GroundMotionProblem(Problem):
         scatter = self.scatter
         if varied.fixes_restitution:
             scatter.pop("restitution", None)
-        conditions = self._every_motion(scatter, seed)
-        conditions = conditions if varied.more is None else conditions * varied.more
-        scene = varied.scene or self.scene
-        runs = self._simulate(design, scene, conditions, varied.equations, seed, progress)
+        conditions = self._every_motion(scatter, seed) * varied.more
+        runs = self._simulate(design, conditions, varied, seed=seed, progress=progress)
         return replace(runs, cluster=self.earthquakes)
 
     def _groups_of(self, runs: Runs) -> dict[str, Any]:
@@ -363,7 +361,7 @@ class GroundMotionProblem(Problem):
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
-        runs = self._simulate(design, self.scene, self.conditions, Terms.linear.value)
+        runs = self._simulate(design, self.conditions, Variation(equations=Terms.linear.value))
         # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
@@ -371,23 +369,15 @@ class GroundMotionProblem(Problem):
         return [motions[i] for i in strongest]
 
     def _simulate(
-        self,
-        design: np.ndarray | None,
-        scene: Scene,
-        conditions: Conditions,
-        equations: str,
-        seed: int = 0,
-        progress: Any = None,
+        self, design: np.ndarray | None, conditions: Conditions, varied: Variation, **how: Any
     ) -> Runs:
         """Simulate a design from rest through the motions of all conditions, and the free motion
         afterwards."""
-        most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
-        rows = self._rows(design, scene, conditions)
-        condition = np.asarray(conditions.which)
+        most = MAX_EVENTS if varied.equations == Terms.nonlinear.value else _EVENTS
+        scene, condition = varied.scene or self.scene, np.asarray(conditions.which)
         forcing = forcing_of(conditions.motions, FREE * float(scene.rate), condition)
-        return follow_runs(
-            Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
-        )
+        how |= {"events": most, "condition": condition}
+        return follow_runs(Terms(varied.equations), self._rows(design, scene, conditions), forcing, **how)
 
     def _rows(self, design: np.ndarray | None, scene: Scene, conditions: Conditions) -> np.ndarray:
         """Return the parameters of a design under all conditions as rows (n, 10) of compiled code."""

@@ -380,21 +380,16 @@ class HarmonicProblem(Problem):
         self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
     ) -> Runs:
         """See `Problem.validation_runs`."""
+        # One half of the validation runs decides and the other half is reported, so each call simulates one
+        # half.
+        runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
         if varied.equations == Terms.linear.value:
             runs = self._short(min(_COMPARED, self.ensemble.size), seed)
-        else:
-            # One half of the validation runs decides and the other half is reported, so each call simulates
-            # one half.
-            runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
-        return outcomes(
-            varied.scene or self.scene,
-            None if design is None else self.pendulum(design),
-            ensemble=replace(runs, restitution=0.0) if varied.fixes_restitution else runs,
-            conditions=self.conditions if varied.more is None else self.conditions * varied.more,
-            equations=varied.equations,
-            rtol=_RTOL,
-            progress=progress,
-        )
+        runs = replace(runs, restitution=0.0) if varied.fixes_restitution else runs
+        pendulum = None if design is None else self.pendulum(design)
+        how: dict[str, Any] = {"equations": varied.equations, "rtol": _RTOL, "progress": progress}
+        how |= {"ensemble": runs, "conditions": self.conditions * varied.more}
+        return outcomes(varied.scene or self.scene, pendulum, **how)
 
     def _groups_of(self, runs: Runs) -> dict[str, Any]:
         """Return the condition of each run."""

@@ -87,12 +87,14 @@ class Variation(NamedTuple):
     comparisons."""
     scene: Scene | None = None
     """Scene with another block, under the same motions in SI units; None for the scene of the problem."""
-    more: Conditions | None = None
+    more: Conditions = Conditions.exactly()
     """Further condition, in addition to all others."""
     problem: Problem | None = None
     """Problem with another hinge; None for the stated one."""
     records: tuple[Record, ...] = ()
     """Records of another set; empty for the stated excitation."""
+    without_pendulum: Runs | None = None
+    """Runs without a pendulum, if they are those of another variation."""
 
     @property
     def keeps_block(self) -> bool:
@@ -488,12 +490,7 @@ class Problem(ABC):
         """Return `group`, `labels` and `counted` of paired runs, see `PairedRuns`."""
 
     def paired_runs(
-        self,
-        design: np.ndarray,
-        seed: int,
-        varied: Variation = STATED,
-        progress: Progress = unreported,
-        without: Runs | None = None,
+        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
         """Simulate runs with and without the pendulum of a design.
 
@@ -502,14 +499,13 @@ class Problem(ABC):
             seed: seed of the runs. Runs of different seeds are independent.
             varied: change with respect to the validation runs.
             progress: function of (stage, runs done, total).
-            without: the runs without the pendulum, if they are available.
         """
         # Both cases have the same seed and conditions, so that the runs are paired.
-        first, second = (partial(progress, f"validation runs {x}") for x in ("with the pendulum", "without"))
-        runs = self.validation_runs(design, seed, varied, first)
+        how = seed, varied, partial(progress, "validation runs")
+        runs = self.validation_runs(design, *how)
         return PairedRuns(
             with_pendulum=runs,
-            without_pendulum=without or self.validation_runs(None, seed, varied, second),
+            without_pendulum=varied.without_pendulum or self.validation_runs(None, *how),
             cluster=self.earthquakes,
             worse=self.requirements.worse,
             annual=lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted),

@@ -172,9 +172,10 @@ def pairs(
         one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
         own = {"group": np.zeros(len(cluster), int), "labels": (), "cluster": cluster}
         return PairedRuns(with_pendulum=one, without_pendulum=other, **own)
-    without = stated.without_pendulum if stated and varied.keeps_block else None
+    if stated and varied.keeps_block:
+        varied = varied._replace(without_pendulum=stated.without_pendulum)
     design, seed = problem.ratios(best.pendulum), problem.run_seed(_SEED)
-    return (varied.problem or problem).paired_runs(design, seed, varied, without=without)
+    return (varied.problem or problem).paired_runs(design, seed, varied)
 
 
 def _linear(problem: Problem, best: Validated) -> Iterator[Variation]:
@@ -279,7 +280,7 @@ def _wider_bases(problem: Problem, best: Validated, rows: Sequence[Dependence]) 
         with suppress(ValueError):
             block = problem.scene.block.widened(1.0 + widening)
             if widening == USUAL or is_short == (widening > USUAL):
-                words = f"base {percent(widening)} wider ({number(float(block.width))} m), no pendulum"
+                words = f"base {percent(widening)} wider, {number(float(block.width))} m, no pendulum"
                 yield Variation("base", "", widening, words, scene=replace(problem.scene, block=block))
 
 

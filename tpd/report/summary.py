@@ -122,14 +122,11 @@ def wider_bases(details: Details) -> str:
 
 def depends_on(details: Details) -> str:
     """Return the variations that reduce the benefit most in the same linear runs; empty without any."""
-    kinds = "quantity", "losses", "width"
-    rows = [(of.difference, of) for of in details.of(*kinds) if of.difference is not None]
-    if not rows:
-        return ""
-    smaller = sorted((x.mean, f"{of.words} {words.points(*astuple(x))}") for x, of in rows if x.high < 0.0)
+    rows = [(x, of.words) for of in details.of("quantity", "losses", "width") if (x := of.difference)]
+    smaller = sorted((x.mean, f"{of} {words.points(*astuple(x))}") for x, of in rows if x.high < 0.0)
     listed = "; ".join(text for _, text in smaller[:_LARGEST]) or "none is significantly below zero"
-    count = rows[0][1].runs.pairs
-    return f"difference of the reduction in {count} linear runs, for comparison only: {listed}"
+    by = f"{details.variations[0].runs.pairs} linear runs, for comparison only" if rows else ""
+    return by and f"difference of the reduction in {by}: {listed}"
 
 
 def by_start(runs: PairedRuns) -> str:
