@@ -127,9 +127,9 @@ def dependences(
         progress("variations", len(rows), len(fixed) + 3)
         stated, measure = rows[0].runs if rows else None, measure_of(best)
         runs = pairs(problem, best, varied, stated)
-        reference = best.runs.unconditional if varied.kind == "base" and best.runs else stated
-        is_compared = measure and reference and not varied.records
-        difference = runs.reduction_minus(reference, measure) if is_compared else None
+        reference = best.runs and best.runs.unconditional if varied.kind == "base" else stated
+        reference = None if varied.records or not measure else reference
+        difference = reference and runs.reduction_minus(reference, measure)
         rows.append(Dependence(*varied[:4], runs, measure, difference))
     progress("variations", 1, 1)
     # Bases are followed in another order than that of their widths.

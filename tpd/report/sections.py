@@ -160,8 +160,8 @@ def depends_on(design: Design, details: Details) -> list[Block]:
             about += f"The pendulum has the same effect as a block {words.wider(details.worth)}. "
         # A wider base is no risk of the pendulum, and other records have no stated reduction.
         kinds = {"stated", "quantity", "losses", "width", "hinge"}
-        lost = "; ".join(of.words for of in details.of(*kinds) if not of.is_significant)
-        text = [Text(f"The reduction is not significant in these linear runs: {lost}." if lost else _SOUND)]
+        weak = "; ".join(of.words for of in details.of(*kinds) if not of.is_significant)
+        text = [Text(f"The reduction is not significant in these linear runs: {weak}." if weak else _SOUND)]
     caption = (
         f"{about}Wider bases: validation runs, of the whole block on a wider base without a pendulum / as "
         "stated, with the same height, depth and density; the difference is from the pendulum."
