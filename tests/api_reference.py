@@ -60,7 +60,7 @@ INTERNAL = {
         "method motions notes only search settled_scene shaking single tables under validation_notes"
     ),
     "PairedRuns": (
-        "annual cluster counted description ends first_measure group half is_answered margin only passed "
+        "annual cluster counted description ends first_measure group half is_answered excess_reduction only passed "
         "reduction starts_without_benefit summary worse"
     ),
     "Parameters": "hinge numbers",
@@ -77,7 +77,7 @@ INTERNAL = {
     "StoredDesign": "content path versions",
     "Tabular": "columns to_dataframe",
     "Trials": "best_without limits risk undecided",
-    "Validated": "decided is_harmful quoted",
+    "Validation": "decided is_harmful quoted",
 }
 """Fields and methods by their class that users do not need, or that the page describes once at the top."""
 HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}
@@ -116,7 +116,7 @@ BESIDE = {
     "Harmonic": ("scene.ground_motion.GroundMotion",),
     "Design": (
         "design.reasons.DesignStatus",
-        "design.validate.Validated",
+        "design.validate.Validation",
         "design.refine.Trials",
     ),
 }

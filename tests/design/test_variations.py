@@ -16,7 +16,7 @@ from tpd.compiled.columns import NU, F
 from tpd.design import variations
 from tpd.design.problem import Variation, VariationKind
 from tpd.design.reasons import DesignStatus
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 from tpd.design.variations import (
     LEVELS,
     NARROW,
@@ -172,7 +172,7 @@ def worth(pendulum, without, *wider, measure="overturning", **more):
     bases = [row._replace(share=0.1 * i, runs=x) for i, x in enumerate(pairs, 1)]
     design = {"design": np.array(designs.RATIOS), "pendulum": designs.PENDULUM, "exact": None, "reasons": ()}
     passed = {"measure": measure, "status": DesignStatus.recommended, "over_limit": 0.0}
-    best = Validated(**design, **passed, decided=runs, quoted=None)
+    best = Validation(**design, **passed, decided=runs, quoted=None)
     return equivalent_widening(best, bases)
 
 

@@ -74,7 +74,7 @@ def test_the_verdict_distinguishes_corrected_from_uncorrected_intervals():
     rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
     with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
     alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
-    runs = replace(alone, passed=Decision("tilt", alone.margin("tilt", 0.1, 0.05)))
+    runs = replace(alone, passed=Decision("tilt", alone.excess_reduction("tilt", 0.1, 0.05)))
     quoted, usual = runs.benefit, alone.benefit
     ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
     assert reduction(runs, "tilt") == (

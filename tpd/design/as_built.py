@@ -21,7 +21,7 @@ from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
-from tpd.design.first_guess import Rule, follow_guess
+from tpd.design.first_guess import FirstGuess, follow_guess
 from tpd.design.variations import Dependence, EquivalentWidening, dependences, equivalent_widening
 from tpd.limits import bob_of
 from tpd.models.piecewise import Piecewise
@@ -33,7 +33,7 @@ from tpd.theory.free_rocking import turning_tilts
 
 _BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, as factors on the frequency of the scene."""
-_DRAWN, _FOLLOWED, _SAMPLES = 24, 100, 60
+_PERIODS, _MOST_PERIODS, _SAMPLES = 24, 100, 60
 """Forcing periods of a time history if the block does not overturn; largest number of periods, as in a
 validation run; and points in a period."""
 YIELD = 235e6
@@ -45,7 +45,7 @@ ARM, _PLACE, STOPPING = 0.25, 3.0, 0.1
 """Three ratios: the arm of the linear damper over the length of the rod; the smallest distance between axis
 and wall over half the stroke of the damper, so that a damper as long as its stroke fits in; and the stopping
 distance of a stop over the free distance of the bob."""
-_PULLED, _HALF, _MOST = 0.1, 0.5, 400
+_PULL, _HALF, _MOST = 0.1, 0.5, 400
 """Tilt of a pull test over the toppling tilt, share of this tilt at which counting ends, and largest number
 of impacts."""
 
@@ -218,7 +218,7 @@ class Details(Printed):
     responses: tuple[Response, ...] = ()
     """Steady-state response over frequency after a start from rest, without a pendulum and with the
     recommended one. It is computed only if the conditions differ in the excitation alone."""
-    rule: Rule | None = None
+    rule: FirstGuess | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     worth: EquivalentWidening | None = None
     """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
@@ -284,10 +284,10 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 
     They last 24 periods. If the block overturns later, within 100 periods, they last until it has overturned.
     """
-    out, last = [], _DRAWN * _SAMPLES
+    out, last = [], _PERIODS * _SAMPLES
     for case in cases_of(pendulum):
         p = as_arrays(scene.parameters(case))
-        tau = sampled(p, _FOLLOWED, _SAMPLES)
+        tau = sampled(p, _MOST_PERIODS, _SAMPLES)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
         columns = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
@@ -415,7 +415,7 @@ def pull_test(scene: Scene) -> PullTest:
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction)
     # If friction holds the block at this tilt, the test gives no impacts.
-    tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
+    tilt, rate, impacts = _PULL * nu, float(scene.rate), 0
     taus = np.zeros(1)
     if tilt < nu - k:
         turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)

@@ -196,8 +196,8 @@ class GroundMotionProblem(Problem):
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
     @property
-    def evidence(self) -> DesignStatus:  # type: ignore[override]
-        """See `Problem.evidence`."""
+    def passing_status(self) -> DesignStatus:  # type: ignore[override]
+        """See `Problem.passing_status`."""
         tuned, others = map(self._earthquakes, Role)
         if not others:
             return DesignStatus.tuned_only

@@ -49,11 +49,11 @@ from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
 
 TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 96, 1024, 50
 """Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
-_COMPARED = 256
+_COMPARISON_RUNS = 256
 """Number of paired runs of the linear equations for comparisons with changed scenes."""
 _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
-_SEARCHED = 64
+_SEARCH_CONDITIONS = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
@@ -317,7 +317,7 @@ class HarmonicProblem(Problem):
     @cached_property
     def searched(self) -> Orbits:
         """Symmetric orbits under the conditions of the descents."""
-        return replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
+        return replace(self, conditions=self.conditions.subset(_SEARCH_CONDITIONS, self.seed)).orbits
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Corrections:
         """See `Problem.improver`."""
@@ -384,7 +384,7 @@ class HarmonicProblem(Problem):
         # half.
         runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
         if varied.equations == Terms.linear.value:
-            runs = self._short(min(_COMPARED, self.ensemble.size), seed)
+            runs = self._short(min(_COMPARISON_RUNS, self.ensemble.size), seed)
         runs = replace(runs, restitution=0.0) if varied.fixes_restitution else runs
         pendulum = None if design is None else self.pendulum(design)
         how: dict[str, Any] = {"equations": varied.equations, "rtol": _RTOL, "progress": progress}

@@ -62,7 +62,7 @@ _CHUNK = 20
 _STEPS = 3
 """Largest number of steps of an orbit at one design. One step is sufficient if the design has moved
 little."""
-_NEAR, _ASTRAY = 0.01, 0.5
+_LEAST_RESIDUAL, _MOST_RESIDUAL = 0.01, 0.5
 """Residual in units of nu below which no further step follows, and above which the orbit is lost."""
 _SAME = 0.01
 """Relative difference between the tilts of two orbits above which they count as different orbits."""
@@ -314,9 +314,9 @@ class SmoothedOrbits:
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
             # One step is sufficient if the design has moved little, since the error is quadratic in the
             # residual.
-            has_failed = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            has_failed = ~step.solved | (step.residual > _MOST_RESIDUAL) | (step.turn[:, 0] <= 0.0)
             self.follows[rows] = ~has_failed
-            todo[rows] = ~has_failed & (step.residual > _NEAR)
+            todo[rows] = ~has_failed & (step.residual > _LEAST_RESIDUAL)
         rows = np.nonzero(self.follows)
         if len(rows[0]) and o.needs_remaining:
             # A second integration along the change of the orbit gives the derivatives of its stability.

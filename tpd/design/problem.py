@@ -141,7 +141,7 @@ class Problem(ABC):
     """Largest number of designs that are validated."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
     """Reasons against a design after which another design is validated."""
-    evidence: ClassVar[DesignStatus] = DesignStatus.recommended
+    passing_status: ClassVar[DesignStatus] = DesignStatus.recommended
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
     has_validation_runs: ClassVar[bool] = True
     """Whether some validation runs take no part in the decision and are reported instead."""
@@ -430,18 +430,18 @@ class Problem(ABC):
         """
         if self.at_rest.slides:
             return DesignStatus.slides
-        return DesignStatus.no_uplift if self.at_rest.margin >= 1.0 else None
+        return DesignStatus.no_uplift if self.at_rest.safety_factor >= 1.0 else None
 
     @property
     def needless(self) -> str:
-        """Sentences about a block that does not rock under the excitation, with its margin."""
+        """Sentences about a block that does not rock under the excitation, with its safety factor."""
         status, alone = self.needs_none, self.at_rest
         if status is DesignStatus.slides:
             at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        # The margin belongs between the two sentences of the status.
+        # The safety factor belongs between the two sentences of the status.
         verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-        times, _ = compared(alone.margin, 1.0)
+        times, _ = compared(alone.safety_factor, 1.0)
         return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
     @property

@@ -25,7 +25,7 @@ from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem, Variation, VariationKind
 from tpd.design.reasons import OFFERED, VALIDATED
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 from tpd.records.sets import SETS, fema_p695
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import earthquakes_of, events_of
@@ -109,7 +109,7 @@ class EquivalentWidening(NamedTuple):
 
 
 def dependences(
-    problem: Problem, best: Validated | None, progress: Progress = unreported
+    problem: Problem, best: Validation | None, progress: Progress = unreported
 ) -> tuple[Dependence, ...]:
     """Follow all variations of the best design of a search.
 
@@ -122,11 +122,13 @@ def dependences(
     """
     if best is None:
         return ()
+    # The list of wider bases depends on the results, so that its rows come last.
     fixed, rows = [*_linear(problem, best), *_other_records(problem, best)], list[Dependence]()
     for varied in chain(fixed, _wider_bases(problem, best, rows)):
         progress("variations", len(rows), len(fixed) + 3)
         stated, measure = rows[0].runs if rows else None, measure_of(best)
         runs = pairs(problem, best, varied, stated)
+        # A wider base is an alternative to the pendulum, and not a change of the design.
         reference = best.runs and best.runs.unconditional if varied.kind == "base" else stated
         reference = None if varied.records or not measure else reference
         difference = reference and runs.reduction_minus(reference, measure)
@@ -136,7 +138,7 @@ def dependences(
     return tuple(sorted(rows, key=lambda row: row.share if row.kind == "base" else -1.0))
 
 
-def measure_of(best: Validated | None) -> str:
+def measure_of(best: Validation | None) -> str:
     """Return the measure by which variations are compared; empty if no pendulum is recommended."""
     if best is None or best.status not in OFFERED:
         return ""
@@ -145,7 +147,7 @@ def measure_of(best: Validated | None) -> str:
 
 
 def pairs(
-    problem: Problem, best: Validated, varied: Variation, stated: PairedRuns | None = None
+    problem: Problem, best: Validation, varied: Variation, stated: PairedRuns | None = None
 ) -> PairedRuns:
     """Return the paired runs of a validated design under a variation.
 
@@ -172,13 +174,14 @@ def pairs(
         one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
         own = {"group": np.zeros(len(cluster), int), "labels": (), "cluster": cluster}
         return PairedRuns(with_pendulum=one, without_pendulum=other, **own)
+    # A bob without mass does not act on the block, whatever the pendulum is.
     if stated and varied.keeps_block:
         varied = varied._replace(without_pendulum=stated.without_pendulum)
     design, seed = problem.ratios(best.pendulum), problem.run_seed(_SEED)
     return (varied.problem or problem).paired_runs(design, seed, varied)
 
 
-def _linear(problem: Problem, best: Validated) -> Iterator[Variation]:
+def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
     """Yield the stated design, and the variations that are compared with it by the linear model."""
     if not measure_of(best):
         return
@@ -238,7 +241,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     }
 
 
-def _other_records(problem: Problem, best: Validated) -> Iterator[Variation]:
+def _other_records(problem: Problem, best: Validation) -> Iterator[Variation]:
     """Yield the sets of FEMA P695 of which a recommended design used no record, at each level.
 
     There are none if the design used no such set, or if the records are not installed.
@@ -264,7 +267,7 @@ def _other_records(problem: Problem, best: Validated) -> Iterator[Variation]:
             yield Variation("records", name, level, words, records=records)
 
 
-def _wider_bases(problem: Problem, best: Validated, rows: Sequence[Dependence]) -> Iterator[Variation]:
+def _wider_bases(problem: Problem, best: Validation, rows: Sequence[Dependence]) -> Iterator[Variation]:
     """Yield wider bases in the validation runs, until one is worth as much as the pendulum.
 
     Args:
@@ -284,7 +287,7 @@ def _wider_bases(problem: Problem, best: Validated, rows: Sequence[Dependence]) 
                 yield Variation("base", "", widening, words, scene=replace(problem.scene, block=block))
 
 
-def equivalent_widening(best: Validated | None, rows: Sequence[Dependence]) -> EquivalentWidening | None:
+def equivalent_widening(best: Validation | None, rows: Sequence[Dependence]) -> EquivalentWidening | None:
     """Return the widening of the base that is worth as much as the pendulum in its validation runs.
 
     The measure is interpolated linearly between the wider bases among the rows. The narrowest base that is as

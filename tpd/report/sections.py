@@ -140,6 +140,7 @@ def depends_on(design: Design, details: Details) -> list[Block]:
         return []
     rows = list[tuple[Cell, ...]]()
     for of in details.variations:
+        # Each row has both cases, because a difference alone hides how much remains.
         changes = (of.runs.change(name) for name in ("overturned", "mean severity"))
         shares = (f"{percent(x.with_pendulum, 1)} / {percent(x.without_pendulum, 1)}" for x in changes)
         points = of.difference and words.points(*astuple(of.difference))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
-    from tpd.design.first_guess import Rule
+    from tpd.design.first_guess import FirstGuess
     from tpd.design.problem import Problem
     from tpd.design.variations import EquivalentWidening
 
@@ -76,7 +76,7 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def rule(of: Rule, allowed: float) -> str:
+def rule(of: FirstGuess, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
     share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
     exceeds = f"; {exceeding(of.over_limit, allowed, of.limit)}" if of.over_limit > allowed else ""
