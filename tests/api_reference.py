@@ -60,8 +60,8 @@ INTERNAL = {
         "method motions notes only search settled_scene shaking single tables under validation_notes"
     ),
     "PairedRuns": (
-        "annual cluster counted description ends first_measure group half is_answered excess_reduction only passed "
-        "reduction starts_without_benefit summary worse"
+        "annual cluster counted description ends excess_reduction first_measure group half is_answered only "
+        "passed reduction starts_without_benefit summary worse"
     ),
     "Parameters": "hinge numbers",
     "Piecewise": "accuracy equations limits",

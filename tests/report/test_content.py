@@ -35,7 +35,7 @@ def test_the_first_screen_has_verdict_dangers_summary_and_one_comparison():
 
 def test_every_other_reduction_refers_to_the_reduction_of_the_verdict():
     report = content(harmonic(), details())
-    counts = "The reduction that counts is the one in the verdict."
+    counts = "the reduction that counts is the one in the verdict."
     depends, _ = section(report, "Depends on")
     runs = next(b for b in section(report, "Validation runs") if isinstance(b, Table))
     assert counts in depends.caption

@@ -75,7 +75,7 @@ class Decision(NamedTuple):
 
     measure: str
     """Measure that decided, "overturning" or "tilt"."""
-    excess_reduction: float
+    excess: float
     """How much smaller its reduction could be in these runs until the decision would be another one."""
 
 
@@ -240,9 +240,8 @@ class PairedRuns(Printed):
             for by, (with_it, without) in ((of, pair), (criterion, self._pair(self.passed.measure)))
         )
         size = np.sqrt((x @ x) * (y @ y))
-        return conditional_interval(
-            of, criterion, self.passed.excess_reduction, float(x @ y / size) if size else 1.0
-        )
+        correlation = float(x @ y / size) if size else 1.0
+        return conditional_interval(of, criterion, self.passed.excess, correlation)
 
     def reduction_minus(self, other: PairedRuns, measure: str) -> Interval:
         """Return the reduction of "overturning" or "tilt" in these runs minus the reduction in other runs of
@@ -285,10 +284,8 @@ class PairedRuns(Printed):
             # unknown ratio is NaN, and has not fallen.
             ratio = self.annual_rates.ratio
             of = Interval(1.0 - ratio.mean, 1.0 - ratio.high, 1.0 - ratio.low)
-            interval = (
-                of if self.passed is None else conditional_interval(of, of, self.passed.excess_reduction)
-            )
-            return interval, of.low > 0.0
+            gain = of if self.passed is None else conditional_interval(of, of, self.passed.excess)
+            return gain, of.low > 0.0
         return self.benefit, self.change("mean severity").high < 0.0
 
     def excess_reduction(self, measure: str, least: float, low: float) -> float:

