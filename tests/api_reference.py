@@ -57,8 +57,8 @@ INTERNAL = {
         "method motions notes only search settled_scene shaking single tables under validation_notes"
     ),
     "PairedRuns": (
-        "annual cluster counted description ends first_measure group half is_answered margin only passed "
-        "reduction starts_without_benefit summary worse"
+        "annual cluster counted description ends excess_reduction first_measure group half is_answered only "
+        "passed reduction starts_without_benefit summary worse"
     ),
     "Parameters": "hinge numbers",
     "Piecewise": "accuracy equations limits",
@@ -74,7 +74,7 @@ INTERNAL = {
     "StoredDesign": "content path versions",
     "Tabular": "columns to_dataframe",
     "Trials": "best_without limits risk undecided",
-    "Validated": "decided is_harmful quoted",
+    "Validation": "decided is_harmful quoted",
 }
 """Fields and methods by their class that users do not need, or that the page describes once at the top."""
 HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}
@@ -113,7 +113,7 @@ BESIDE = {
     "Harmonic": ("scene.ground_motion.GroundMotion",),
     "Design": (
         "design.reasons.DesignStatus",
-        "design.validate.Validated",
+        "design.validate.Validation",
         "design.refine.Trials",
     ),
 }

@@ -18,7 +18,7 @@ from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduc
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
 from tpd.design.trials import Trials
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 from tpd.limits import LABELS, STILL, stroke_limit
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
@@ -48,7 +48,7 @@ class Design(Printed):
     """Block, excitation, design space, limits and all other inputs."""
     status: DesignStatus
     """Verdict on the design."""
-    validated: tuple[Validated, ...] = ()
+    validated: tuple[Validation, ...] = ()
     """Designs that were validated, in order. The last one is recommended if there is no reason against it."""
     trials: Trials | None = None
     """Designs that were evaluated by trial runs; None if no pendulum is needed."""
@@ -84,7 +84,7 @@ class Design(Printed):
         return self.validated[-1].pendulum if self.status in OFFERED else None
 
     @cached_property
-    def best(self) -> Validated | None:
+    def best(self) -> Validation | None:
         """Best validated design, or None if no design was validated.
 
         This is the recommended design. If none is recommended, it is the design whose shortfalls have the
@@ -92,7 +92,7 @@ class Design(Printed):
         """
 
         # The largest benefit alone would often select a bob that touches the walls in every run.
-        def rank(v: Validated) -> tuple[bool, float]:
+        def rank(v: Validation) -> tuple[bool, float]:
             return v.runs is None, sum((reason.shortfall for reason in v.reasons), 0.0)
 
         # Validation ends with the first design that passes, which is therefore the last one.

@@ -21,7 +21,7 @@ _MASSES, _LENGTHS = 24, 24
 """Numbers of masses and lengths that are compared with the limits."""
 
 
-class Rule(NamedTuple):
+class FirstGuess(NamedTuple):
     """Pendulum of a rule of thumb in the validation runs of a design."""
 
     pendulum: Pendulum
@@ -57,11 +57,11 @@ def first_guess(problem: Problem) -> np.ndarray | None:
     return designs[np.argmax(keeps * np.sqrt(mu) * np.cbrt(lam))] if keeps.any() else None
 
 
-def follow_guess(problem: Problem, quoted: PairedRuns) -> Rule | None:
+def follow_guess(problem: Problem, quoted: PairedRuns) -> FirstGuess | None:
     """Return the guess in the validation runs that the report quotes; None if there is no guess."""
     guess = first_guess(problem)
     if guess is None:
         return None
     # Runs of the search records and runs without a result are not among those that the report quotes.
     runs = problem.validation_runs(guess, quoted.with_pendulum.seed).of(quoted.rows)
-    return Rule(problem.pendulum(guess), runs, *problem.over_limit(guess, runs))
+    return FirstGuess(problem.pendulum(guess), runs, *problem.over_limit(guess, runs))

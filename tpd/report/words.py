@@ -20,12 +20,12 @@ from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_sce
 
 if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
-    from tpd.answers.paired import Change, PairedRuns, Part
+    from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
-    from tpd.design.first_guess import Rule
+    from tpd.design.first_guess import FirstGuess
     from tpd.design.problem import Problem
-    from tpd.design.wider_base import Worth
+    from tpd.design.variations import EquivalentWidening
 
 _CHANGES = {
     "mean severity": "mean tilt",
@@ -34,8 +34,6 @@ _CHANGES = {
     "at rest": "at rest at the end",
 }
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
-COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
-"""Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -76,12 +74,7 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def energy_loss(name: str) -> str:
-    """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
-    return name if " and " in name else f"{name} only"
-
-
-def rule(of: Rule, allowed: float) -> str:
+def rule(of: FirstGuess, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
     share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
     exceeds = f"; {exceeding(of.over_limit, allowed, of.limit)}" if of.over_limit > allowed else ""
@@ -89,13 +82,13 @@ def rule(of: Rule, allowed: float) -> str:
     return f"{pendulum}: {share} of the same runs overturn{exceeds}"
 
 
-def wider(worth: Worth) -> str:
+def wider(worth: EquivalentWidening) -> str:
     """Return the widening of the base that is worth as much as the pendulum, with its interval.
 
     Example:
-        >>> from tpd.design.wider_base import Worth
-        >>> wider(Worth(0.19, 0.12, 0.27, 0.5, "tilt")), wider(Worth(np.inf, 0.42, np.inf, 0.5, "tilt"))
-        ('19 % wider (95 % interval 12 to 27 %)', 'more than 50 % wider (95 % interval 42 to more than 50 %)')
+        >>> from tpd.design.variations import EquivalentWidening
+        >>> wider(EquivalentWidening(np.inf, 0.42, np.inf, 0.5, "tilt"))
+        'more than 50 % wider (95 % interval 42 to more than 50 %)'
     """
     # Beyond the widest base that was followed, and below one per cent, there is no number.
     size, low, high = (
@@ -198,7 +191,7 @@ def comparison(runs: PairedRuns) -> Table:
         # Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be smaller than 1 %.
         digits = 0 if "severity" in c.name else 1
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
-        rows.append((_CHANGES[c.name], *shares, difference(c, digits)))
+        rows.append((_CHANGES[c.name], *shares, points(c.difference, c.low, c.high, digits)))
     # The seed is in the section on the validation runs.
     described = runs.description.replace(f", seed {runs.with_pendulum.seed}", "")
     caption = (
@@ -209,11 +202,11 @@ def comparison(runs: PairedRuns) -> Table:
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))
 
 
-def difference(of: Change, digits: int = 1) -> str:
-    """Return the difference of two shares in points with its interval; a dash if the interval is unknown."""
-    if not np.isfinite(of.low):
+def points(mean: float, low: float, high: float, digits: int = 0) -> str:
+    """Return a difference of two shares in points with its interval; a dash if the interval is unknown."""
+    if not np.isfinite(low):
         return NO_VALUE
-    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
+    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (mean, low, high))
     return f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
