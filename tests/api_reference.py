@@ -34,19 +34,16 @@ threads, by default all cores. `cluster` uses [processes or machines](clusters.m
 
 """
 INTERNAL = {
-    "AbstractChoice": "steady",
-    "AbstractFlow": "cycle resolution settle settle_exactly solve_steady widths",
-    "AbstractModel": "check most_periods settle solve_steady steady trajectory",
+    "Model": "check most_periods settle solve_steady trajectory",
     "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
     "Cluster": "client map",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
     "Design": (
-        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing "
-        "wider_bounds"
+        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing"
     ),
     "DesignSpace": (
-        "beyond bounds bounds_at ends hinge_ratio logarithms longest names of sample scaled searched slopes "
+        "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes "
         "table unscaled with_ratios"
     ),
     "EngineVerdict": "ensemble finer losses scene sliding step step_matters",
@@ -60,8 +57,8 @@ INTERNAL = {
         "method motions notes only search settled_scene shaking single tables under validation_notes"
     ),
     "PairedRuns": (
-        "annual cluster counted description ends first_measure group half is_answered margin only passed "
-        "reduction starts_without_benefit summary worse"
+        "annual cluster counted description ends excess_reduction first_measure group half is_answered only "
+        "passed reduction starts_without_benefit summary worse"
     ),
     "Parameters": "hinge numbers",
     "Piecewise": "accuracy equations limits",
@@ -73,11 +70,11 @@ INTERNAL = {
         "cluster columns condition ended impacts is_lifted lam mu nu of reshape rows stands starts summary"
     ),
     "Scene": "quantities",
-    "Smoothed": "cycle resolution round_off settle_exactly widths",
+    "Smoothed": "cycle resolution round_off settle_exactly solve_steady widths",
     "StoredDesign": "content path versions",
     "Tabular": "columns to_dataframe",
     "Trials": "best_without limits risk undecided",
-    "Validated": "decided is_harmful quoted",
+    "Validation": "decided is_harmful quoted",
 }
 """Fields and methods by their class that users do not need, or that the page describes once at the top."""
 HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}
@@ -116,7 +113,7 @@ BESIDE = {
     "Harmonic": ("scene.ground_motion.GroundMotion",),
     "Design": (
         "design.reasons.DesignStatus",
-        "design.validate.Validated",
+        "design.validate.Validation",
         "design.refine.Trials",
     ),
 }

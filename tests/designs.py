@@ -10,7 +10,6 @@ import numpy as np
 import tpd
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import ANGLES, Runs
-from tpd.core.progress import unreported
 from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem
 from tpd.design.refine import refine
@@ -135,8 +134,8 @@ class NoisyProblem(Problem):
         """Designs of the first trials."""
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3)))
 
-    def validation_runs(self, design, seed, progress=None):
-        return self.runs(design, seed, "nonlinear")
+    def validation_runs(self, design, seed, varied=STATED, progress=None):
+        return self.runs(design, seed, varied.equations)
 
     def runs(self, design, seed, equations="linear") -> Runs:
         rng = np.random.default_rng(seed)
@@ -155,14 +154,12 @@ class NoisyProblem(Problem):
         self.asked.append((f"{equations} trial", seed))
         return self.runs(design, seed, equations)
 
-    def paired_runs(self, design, seed, varied=STATED, progress=unreported):
+    def paired_runs(self, design, seed, *more, **how):
         self.asked.append(("paired", seed))
-        return PairedRuns(
-            with_pendulum=self.runs(design, seed, varied.equations),
-            without_pendulum=self.runs(None, seed, varied.equations),
-            group=np.zeros(self.count, int),
-            labels=("all",),
-        )
+        return super().paired_runs(design, seed, *more, **how)
+
+    def _groups_of(self, runs):
+        return {"group": np.zeros(self.count, int), "labels": ("all",)}
 
     @property
     def stated_motions(self):

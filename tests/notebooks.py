@@ -28,8 +28,8 @@ DONE = " s of processor time"
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
     "tpd.answers.annual_rates": {"RESAMPLES": 50},
-    "tpd.design.harmonic": {"_COMPARED": 32, "_MORE_RUNS": 256},
-    "tpd.design.corrections": {"_SPREAD": 8, "_DRAWN": 256},
+    "tpd.design.harmonic": {"_COMPARISON_RUNS": 32, "_MORE_RUNS": 256},
+    "tpd.design.corrections": {"_SPREAD": 8, "_DRAWS": 256},
 }
 """Sizes of a search that are no arguments, by module."""
 RUNS, RECORDS = 512, 2

@@ -22,7 +22,7 @@ from tpd.answers.steady_state import Steady
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, Run, follow
-from tpd.models.base import AbstractModel
+from tpd.models.base import Model
 from tpd.theory.equations import Linear, Terms
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
@@ -154,13 +154,13 @@ class Answer(NamedTuple):
     steady: Steady
 
 
-def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Callable[..., Answer]:
+def solver(model: Model | Callable[..., Model], size: int) -> Callable[..., Answer]:
     """`steady_state` of one model, or of what gives one for the arguments after `y0`, as a function of a
     vector, compiled once for all tests."""
 
     @jax.jit
     def solve(x: jax.Array, y0: jax.Array, *settings: jax.Array) -> tuple[jax.Array, Steady]:
-        chosen = model if isinstance(model, AbstractModel) else model(*settings)
+        chosen = model if isinstance(model, Model) else model(*settings)
 
         def sizes(x: jax.Array) -> tuple[jax.Array, Steady]:
             s = steady_state(parameters(x), model=chosen, y0=y0)

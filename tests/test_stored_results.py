@@ -48,6 +48,10 @@ def test_the_hash_of_a_benchmark_changes_with_the_source_of_its_modules_only(tmp
         (tmp_path / "tpd" / "answers" / f"{name}.py").write_text("x = 1\n", encoding="utf-8")
     monkeypatch.setattr(stored, "ROOT", tmp_path)
     before = stored.code("intervals"), stored.code("quoted")
+    (tmp_path / "tpd" / "answers" / "paired.py").write_text(
+        '"""A."""\n# b\nx = 1\n"""C."""', encoding="utf-8"
+    )
+    assert before == (stored.code("intervals"), stored.code("quoted"))
     (tmp_path / "tpd" / "answers" / "paired.py").write_text("x = 2\n", encoding="utf-8")
     assert stored.code("intervals") == before[0]
     assert stored.code("quoted") != before[1]

@@ -39,7 +39,7 @@ def test_a_rate_is_reduced_if_the_interval_of_the_ratio_is_below_one(ratio, redu
     of, is_significant = runs.reduction("rate")
     assert (of.mean, of.low, of.high) == pytest.approx(reduction, nan_ok=True)
     assert is_significant == (ratio[2] < 1.0)
-    assert (runs.margin("rate", 0.1, 0.05) >= 0.0) == is_enough
+    assert (runs.excess_reduction("rate", 0.1, 0.05) >= 0.0) == is_enough
 
 
 def test_a_rate_that_decided_has_a_conditional_interval():

@@ -28,8 +28,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
     for name in list(COMMANDS)[3 if quick else 0 :]:
         with tempfile.TemporaryDirectory() as folder:
             home = Path(folder)
-            env = os.environ | {"HOME": folder, "PYTHONPATH": str(ROOT)}
-            env |= {"NUMBA_CACHE_DIR": f"{home}/numba", "JAX_COMPILATION_CACHE_DIR": f"{home}/jax"}
+            env = {name: x for name, x in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+            env |= {"HOME": folder, "XDG_CACHE_HOME": folder, "PYTHONPATH": str(ROOT)}
+            env["NUMBA_CACHE_DIR"] = f"{home}/numba"
 
             def call(words: str, env: dict[str, str] = env, home: Path = home) -> float:
                 command, begun = [sys.executable, "-m", "tpd", *words.split()], time.perf_counter()

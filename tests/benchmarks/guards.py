@@ -77,7 +77,7 @@ def _kernel(case: str) -> tuple[str, ...]:
 
 
 def _ends(case: str) -> tuple[str, ...]:
-    return _tests("models/settling", f"a_settled_motion_has_its_status_and_period[{case}]")
+    return _tests("models/smoothed_orbit", f"a_settled_motion_has_its_status_and_period[{case}]")
 
 
 def _smoothed(name: str) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def _smoothed(name: str) -> tuple[str, ...]:
 _OVERTURNS = "an_overturned_block_has_no_gradient"
 _SADDLE = "initial_states_near_overturning_reach_an_attractor_or_have_a_status"
 _ORBITS, _STEADY = "compiled/symmetric_orbit_kernel:_status", "compiled/columns:verdict_with.verdict"
-_SETTLED = "models/settling:Record.settled"
+_SETTLED = "models/smoothed_orbit:History.run"
 # fmt: off
 GUARDS = (
     Guard("fold", "orbits: no derivative if a multiplier of the half map is within 1e-6 of 1",
@@ -103,7 +103,8 @@ GUARDS = (
     Guard("grazing", "steady_state: grazing if an event is crossed too slowly",
           _STEADY, never("GRAZING_STATUS"), _lost("what1-grazing")),
     Guard("onset of sticking", "statuses: sticking if the block was held",
-          _SETTLED, never("sticking"), _ends("periods2-sticking-3")),
+          "compiled/repetition:store_settled", nothing_true("stuck"),
+          _tests("models/base", "an_unchanged_subclass_of_a_model_gives_equal_results[Piecewise]")),
     Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
           "compiled/contact:land", nothing_true("capture"),
           _tests("compiled/settle", "the_number_of_impacts_of_a_rattle_is_logarithmic_in_the_capture_speed",
@@ -120,7 +121,7 @@ GUARDS = (
           _STEADY, never("NOT_SETTLED"), _lost("what6-not_settled")),
     Guard("overturning", "every model: overturned if the tilt is beyond any return",
           _SETTLED, never("overturned"),
-          (*_ends("periods7-overturned-1"), *_smoothed(_OVERTURNS))),
+          (*_ends("periods5-overturned-1"), *_smoothed(_OVERTURNS))),
     Guard("near overturning", "steady_state: unstable on the saddle between rocking and overturning",
           _STEADY, never("UNSTABLE"), _tests("models/piecewise", _SADDLE)),
     Guard("no derivative without an orbit", "steady_state: derivatives only of settled motions that attract",
@@ -129,7 +130,7 @@ GUARDS = (
            *_tests("compiled/steady", "a_motion_that_decays_slowly_is_not_settled_and_not_aperiodic"))),
     Guard("resonance without damping; very strong excitation",
           "every model: failed if a number is not finite",
-          _SETTLED, never("failed"), _ends("periods8-failed-1")),
+          _SETTLED, never("failed"), _ends("periods6-failed-1")),
     Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
           _STEADY, never("EVENT_BOUND"),
           _tests("models/piecewise", "too_long_a_period_has_the_status_event_bound")),

@@ -102,7 +102,7 @@ def covered(effect: Effect, earthquakes: int, rng: np.random.Generator, repeats:
         if not passes(reduction(effect.measure, pairs)):
             continue
         runs = runs_of(pairs)
-        margin = runs.margin(effect.measure, AT_LEAST, SHARE * AT_LEAST)
+        margin = runs.excess_reduction(effect.measure, AT_LEAST, SHARE * AT_LEAST)
         if margin >= 0.0:
             both = runs, replace(runs, passed=Decision(effect.measure, margin))
             found.append([x.reduction(name)[0] for x in both for name in (effect.measure, other)])
@@ -146,7 +146,7 @@ def halves(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
             for pairs in effect.sets(rng, n, repeats):
                 if passes(reduction(effect.measure, pairs)):
                     runs = runs_of(pairs)
-                    margin = runs.margin(effect.measure, AT_LEAST, SHARE * AT_LEAST)
+                    margin = runs.excess_reduction(effect.measure, AT_LEAST, SHARE * AT_LEAST)
                     of = replace(runs, passed=Decision(effect.measure, margin)).reduction(effect.measure)[0]
                     widths[0].append(of.high - of.low)
                 first, second = (

@@ -367,7 +367,7 @@ def _search_long(ledger: Ledger, name: str, case: Case, space: str) -> None:
         result = validate(case.problem(RUNS // 4), design)
         # The true runs decide about the limits, because the validation has fewer runs.
         is_good = {reason.kind for reason in result.reasons} <= LIMITS
-        status = problem.evidence.name if is_good else result.status.name
+        status = problem.passing_status.name if is_good else result.status.name
         row = ledger.add(name, "best", status=status, **ledger.design(name, case, design))
         shares = f"{row[measure]:.2%} {measure}, {row['over']:.2%} exceed a limit"
         _say(f"{name}, {space}: {status}, {shares}", *result.refusals, sep="; ")

@@ -24,7 +24,7 @@ from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
 QUESTION = "What error does smoothing cause, and at which step size does an explicit solver fail?"
-MEASURES = "models/smoothed", "models/flow", "theory/equations"
+MEASURES = "models/smoothed", "models/smoothed_orbit", "theory/equations"
 SEED = None
 WIDTHS = tuple(float(x) for x in np.geomspace(1e-4, 1e-1, 7))
 TABLED = (1e-2, 1e-3)

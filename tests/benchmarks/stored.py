@@ -28,6 +28,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 import tpd
+from tests.measures import code_of
 
 NAMES = (
     *(
@@ -71,7 +72,7 @@ def module(name: str) -> ModuleType:
 
 
 def code(name: str) -> str:
-    """Return a hash of the source of the modules that decide the numbers of a benchmark.
+    """Return a hash of the code that decides the numbers of a benchmark, without docstrings and comments.
 
     Raises:
         ValueError: `MEASURES` of the benchmark names a module that does not exist.
@@ -83,7 +84,8 @@ def code(name: str) -> str:
         if not paths[0].exists():
             raise ValueError(f"`MEASURES` of the benchmark {name} must name modules of tpd, but has {place}")
         for path in paths:
-            every.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
+            lines = code_of(path.read_text(encoding="utf-8"))
+            every.update("\n".join([str(path.relative_to(ROOT)), *lines]).encode())
     return every.hexdigest()[:12]
 
 

@@ -75,7 +75,7 @@ def test_ctrl_c_raises_keyboard_interrupt_for_a_caller_in_python(monkeypatch):
 
 
 def test_progress_messages_stop_before_the_result(monkeypatch, capsys):
-    for name, seconds in {"EVERY": 0.0, "TICK": 0.02, "_SOON": 0.0}.items():
+    for name, seconds in {"EVERY": 0.0, "TICK": 0.02, "_FIRST_MESSAGE": 0.0}.items():
         monkeypatch.setattr(terminal, name, seconds)
     with terminal.announced("working"):
         time.sleep(0.2)

@@ -46,3 +46,18 @@ def test_derivatives_are_linear_in_the_direction_and_nan_if_not_requested():
 def test_a_single_row_instead_of_a_batch_is_rejected():
     with pytest.raises(ValueError, match=r"must have shape \(n,\), but the batch has shape \(\)"):
         engine.solve_orbits(X[0])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: engine.solve_orbits(X[:, :9]),
+        lambda: engine.solved(X[0, :9]),
+        lambda: engine.solved(jnp.asarray(X[0, :9])),
+        lambda: engine.orbit_slopes(X[:1], engine.solve_orbits(X[:1]), np.eye(9)[None], (0, 3)),
+        lambda: engine.vanishing(np.zeros(3), X[0, :9]),
+    ],
+)
+def test_arrays_of_another_width_are_rejected(call):
+    with pytest.raises(ValueError, match=r"parameters must have shape \(..., 10\), but have \(.*9"):
+        call()

@@ -20,7 +20,7 @@ from tests.reference import (
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
 from tpd.compiled import columns, steady
-from tpd.models.settling import scale_of
+from tpd.models.base import scale_of
 from tpd.scene.parameters import as_arrays
 
 ROWS = [r for r in load("harmonic") if r["what"] == "settled"]

@@ -24,7 +24,7 @@ def test_a_statue_below_uplift_is_assessed_without_runs():
     found = tpd.assess(tpd.Scene(statue, motion), conditions=tpd.Conditions.exactly())
     assert found.runs is None
     assert found.overturned is None
-    assert found.at_rest.margin == pytest.approx(0.3261 / 0.058, rel=1e-3)
+    assert found.at_rest.safety_factor == pytest.approx(0.3261 / 0.058, rel=1e-3)
     lifts, slides, verdict = str(found).splitlines()
     reaches = "the excitation reaches 0.058 g, 0.178 times as much: the block does not lift"
     assert lifts == f"  uplift      at 0.326 g; {reaches}"

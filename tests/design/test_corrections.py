@@ -147,7 +147,7 @@ def test_a_rejected_design_is_followed_by_one_further_inside(chimney):
     """In validation runs the bob is by 3 % nearer to the wall than in the accurate runs."""
     made, first = chimney
     here = copy.copy(made)
-    for name in ("designs", "runs", "margin"):
+    for name in ("designs", "runs", "allowance"):
         setattr(here, name, copy.copy(getattr(made, name)))
     i = max(i for i, x in enumerate(here.designs) if np.array_equal(x, first))
     runs, size = here.runs[i], here._sizes(i)["clearance"]
@@ -157,13 +157,13 @@ def test_a_rejected_design_is_followed_by_one_further_inside(chimney):
 
     factor = next(x for x in np.linspace(1.0, 1.3, 301) if here._sizes(i, further(x))["clearance"] > 0.03)
     here.learn(first, further(factor))
-    assert here.margin == {"clearance": pytest.approx(0.03, abs=2e-3)}
+    assert here.allowance == {"clearance": pytest.approx(0.03, abs=2e-3)}
     second = here.best([first])
     assert second is not None
-    i, here.margin = max(i for i, x in enumerate(here.designs) if np.array_equal(x, second)), {}
+    i, here.allowance = max(i for i, x in enumerate(here.designs) if np.array_equal(x, second)), {}
     assert here._sizes(i)["clearance"] < min(size - 0.02, -0.03 + 0.005)
-    # A limit that was kept has no margin.
-    assert made.margin == {}
+    # A limit that was kept has no allowance.
+    assert made.allowance == {}
 
 
 def test_no_design_is_returned_if_none_can_keep_a_limit():

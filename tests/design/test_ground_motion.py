@@ -69,7 +69,7 @@ def test_an_earthquake_has_one_number_in_all_groups():
     ],
 )
 def test_a_verdict_needs_five_earthquakes_for_search_and_for_validation(motions, validation_share, evidence):
-    assert problem(motions, validation_share=validation_share).evidence is DesignStatus[evidence]
+    assert problem(motions, validation_share=validation_share).passing_status is DesignStatus[evidence]
 
 
 @pytest.mark.parametrize(("earthquakes", "divided"), [(79, False), (80, True)])

@@ -36,7 +36,7 @@ def test_default_conditions_surround_the_excitation_and_default_limits_are_compl
     assert not made.orbits.rest_counts
     assert problem(starts=tpd.Starts.rest()).orbits.rest_counts
     assert np.all(np.isfinite(made.orbits.geometry.tilt_without_pendulum)), "the limit on worsening needs it"
-    assert (made.evidence, made.allowed) == (DesignStatus.recommended, 0.01)
+    assert (made.passing_status, made.allowed) == (DesignStatus.recommended, 0.01)
     # The runs, and not only the settled orbits, must keep to the limits on the motion.
     assert [limit.name for limit in made.run_limits] == ["stroke", "clearance"]
 
@@ -94,7 +94,7 @@ def test_a_block_needs_no_pendulum_only_if_it_rests_under_all_conditions():
     for factors, rests in (((0.03, 0.06), True), ((0.5, 0.79), True), ((0.03, 0.8), False)):
         made = problem(conditions=tpd.Conditions.amplitudes(*factors), **POINT)
         assert (made.needs_none is DesignStatus.no_uplift) is rests
-        assert made.at_rest.margin == pytest.approx(0.3 / (size * factors[1]))
+        assert made.at_rest.safety_factor == pytest.approx(0.3 / (size * factors[1]))
     # At 0.79 of its size a push makes the block rock for good, and yet the excitation does not lift it.
     assert np.any(
         problem(conditions=tpd.Conditions.amplitudes(0.79), **POINT).without_pendulum.orbits.tilt > 0.0
@@ -148,8 +148,10 @@ def test_validation_runs_use_half_of_the_ensemble_and_the_nonlinear_equations():
     assert found.with_pendulum.seed == found.without_pendulum.seed == 7
     np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
     assert found.cluster is None
-    assert {stage for stage, *_ in events} == {"paired runs"}
-    linear = made.paired_runs(DESIGN, 7, Variation("linear", more=tpd.Conditions({"mass": np.array([1.5])})))
+    assert {stage for stage, *_ in events} == {"validation runs"}
+    linear = made.paired_runs(
+        DESIGN, 7, Variation(equations="linear", more=tpd.Conditions({"mass": np.array([1.5])}))
+    )
     assert linear.with_pendulum.equations == "linear"
     assert linear.with_pendulum.mu[0] == pytest.approx(1.5 * 0.15)
 

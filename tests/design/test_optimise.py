@@ -130,7 +130,7 @@ def test_many_runs_without_a_result_leave_a_design_undecided():
 
 def test_a_design_that_passes_has_the_status_of_its_evidence():
     class Few(NoisyProblem):
-        evidence = DesignStatus.too_few
+        passing_status = DesignStatus.too_few
 
     found = solve_problem(Few(**NoisyProblem.of().inputs))
     assert found.status is DesignStatus.too_few
@@ -214,7 +214,7 @@ def test_a_design_on_the_built_in_records_has_too_few_earthquakes():
     motions = [el_centro(), loma_prieta()]
     asked = {"method": tpd.GroundSearch(designs=6, steps=2), "limits": (tpd.limits.Stroke(),)}
     found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
-    assert found.problem.evidence is DesignStatus.too_few
+    assert found.problem.passing_status is DesignStatus.too_few
     assert found.pendulum is None
     assert found.status in (DesignStatus.too_few, DesignStatus.not_recommended)
     assert "inf" not in str(found)

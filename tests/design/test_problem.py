@@ -154,6 +154,7 @@ class Own(limits.Limit):
             {"limits": (limits.Stroke(), Own())},
             "a job file cannot describe the limit `own`, which exists only in",
         ),
+        ({"method": tpd.Descent(model=tpd.Piecewise())}, "a job file cannot describe the model Piecewise"),
         (
             {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
             "a job file cannot describe the conditions of this problem. It allows bands, amplitudes",

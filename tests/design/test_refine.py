@@ -265,27 +265,3 @@ class Overturning(NoisyProblem):
 def test_the_search_minimises_the_measure_of_the_requirements(reduce, length):
     inputs: Any = NoisyProblem.of(limits=(), requirements=tpd.limits.Requirements(reduce=reduce)).inputs
     assert SPACE.scaled(best_of(refined(Overturning(**inputs))))[1] == pytest.approx(length, abs=0.05)
-
-
-def test_trials_beyond_a_bound_show_the_effect_of_a_wider_bound():
-    """The minimum of the tilt is at 0.6 of the range of mu, of which only the first part is allowed."""
-    part, twice = SPACE.unscaled(np.array([[0.3, 0.0, 0.0]]))[0, 0], 0.3 + np.log(2.0) / np.log(20.0)
-    space: Any = dataclasses.replace(SPACE, mass_ratio=(float(SPACE.ends[0, 0]), float(part)))
-
-    class Part(NoisyProblem):
-        def candidates(self):
-            return self.space.sample(np.random.default_rng(0), 24)
-
-    here = refined(Part(**(NoisyProblem.of(limits=()).inputs | {"space": space})))
-    at_bound = space.unscaled(np.array([1.0, 0.5, 0.4]))
-    (wider,) = here.wider_bounds(at_bound)
-    assert (wider.column, wider.bound) == (0, pytest.approx(part))
-    assert wider.wider == pytest.approx(2.0 * part)
-    assert wider.gain == pytest.approx(0.5 * (0.3**2 - (0.6 - twice) ** 2), abs=0.015)
-    assert str(wider).startswith(f"a bound of {2.0 * part:.3g} would lower the mean tilt by ")
-    assert here.wider_bounds(SPACE.unscaled(np.array([0.15, 0.5, 0.4]))) == ()
-    # The trials beyond the bound are none of the search.
-    assert here.trials().designs[:, 0].max() <= part
-    stroke = refined(Part(**(NoisyProblem.of(limits=(tpd.limits.Stroke(0.41),)).inputs | {"space": space})))
-    (wider,) = stroke.wider_bounds(at_bound)
-    assert str(wider).endswith("no design keeps the limits")

@@ -16,7 +16,7 @@ from tpd.design.design import Design
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import StoredDesign, read_design
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 
 BLOCK = tpd.Block(
     width=0.1 + 0.2,
@@ -58,7 +58,7 @@ def design():
         "status": DesignStatus.recommended,
     }
     found |= {"decided": runs, "quoted": None}
-    return Design(problem=problem, status=DesignStatus.recommended, validated=(Validated(**found),))
+    return Design(problem=problem, status=DesignStatus.recommended, validated=(Validation(**found),))
 
 
 @pytest.fixture

@@ -324,7 +324,7 @@ def test_quoted_earthquakes_do_not_decide():
 @pytest.mark.parametrize("gain", [0.3, 0.0])
 def test_too_few_earthquakes_prevent_any_other_status(gain):
     class Few(Once):
-        evidence = DesignStatus.too_few
+        passing_status = DesignStatus.too_few
 
     v = validated(in_earthquakes(2, gain), of=Few)
     assert kinds(v) == ["too_little_benefit"]

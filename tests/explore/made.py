@@ -13,7 +13,7 @@ from tpd.design.design import Design
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.design.stored_design import VERSION, StoredDesign
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 from tpd.report.json import json_of
 
 RATIOS = np.array([0.1, 0.6, 0.12])
@@ -29,7 +29,7 @@ def design() -> Design:
     # One block in eight overturns without the pendulum, one in forty with it.
     alone = np.where(np.arange(40) % 8 == 0, np.inf, tilt)
     with_pendulum = np.where(np.arange(40) == 0, np.inf, 0.6 * tilt)
-    validated = Validated(
+    validated = Validation(
         design=RATIOS,
         pendulum=SCENE.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.12),
         exact=None,

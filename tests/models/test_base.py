@@ -16,7 +16,7 @@ def same(kind):
         """Follow a motion as the class does."""
 
         def settle(self, p, y0):
-            """See `AbstractModel.settle`."""
+            """See `Model.settle`."""
             return super().settle(p, y0)
 
     return Same()

@@ -9,11 +9,9 @@ import jsonschema
 import pytest
 
 from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic, json_text
-from tpd.answers.paired import Change
 from tpd.design.design import FrontPoint
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import VERSION
-from tpd.design.transfer import Transfer
 from tpd.report.summary import verdict
 
 SCHEMA = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
@@ -51,15 +49,6 @@ def test_designs_without_runs_or_with_a_front_match_the_schema():
     )
     for content in (written(calm), written(harmonic(), dataclasses.replace(details(), front=points))):
         VALIDATOR.validate(content)
-
-
-def test_results_of_other_record_sets_match_the_schema():
-    overturned = tuple(Change(at, 0.1, 0.2, -0.3, 0.1) for at in ("1.5", "2", "3", "4"))
-    other = Transfer("near-field-pulse", overturned, 28, 11, 6)
-    for transfer in ((other,), "The records are not installed."):
-        content = written(harmonic(), dataclasses.replace(details(), transfer=transfer))
-        VALIDATOR.validate(content)
-    assert content["transfer"] == "The records are not installed."
 
 
 def test_the_schema_rejects_wrong_versions_types_and_keys():

@@ -5,11 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
-from tpd.answers.paired import Change
+from tests.report.conftest import (
+    DESIGNS,
+    LITTLE,
+    STRIKES,
+    against,
+    details,
+    ground,
+    harmonic,
+    rejected,
+)
 from tpd.design.as_built import Details
 from tpd.design.reasons import DesignStatus
-from tpd.design.transfer import Transfer
 from tpd.report import sections, words
 from tpd.report.blocks import Table
 from tpd.scene.hazard import HOW_TO
@@ -60,46 +67,37 @@ def test_the_table_under_records_states_that_it_covers_all_groups():
     assert "p =" not in chance.text
 
 
-def test_the_first_row_of_the_wider_bases_is_the_pendulum():
-    (table,) = sections.wider_bases(harmonic(), details())
-    found, own = rows(table), harmonic().runs.change("overturned")
-    width = float(harmonic().scene.block.width)
-    assert found["with the pendulum"][:2] == (width, words.percent(own.with_pendulum, 1))
-    bases = details().wider_bases
-    assert list(found)[1:] == [f"base {words.percent(base.widening)} wider" for base in bases]
-    for base, row in zip(bases, list(found.values())[1:], strict=True):
-        assert row[0] == pytest.approx((1.0 + base.widening) * width)
-        assert row[2] == words.difference(base.runs.change("overturned"))
+def test_every_variation_is_a_row_with_its_difference_from_the_stated_design():
+    table, text = sections.depends_on(harmonic(), details())
+    found, variations = rows(table), details().variations
+    assert list(found) == [of.words for of in variations]
+    for of, row in zip(variations, found.values(), strict=True):
+        share, tilt = (of.runs.change(name) for name in ("overturned", "mean tilt"))
+        cells = [
+            " / ".join(words.percent(x, 1) for x in (change.with_pendulum, change.without_pendulum))
+            for change in (share, tilt)
+        ]
+        points = of.difference and words.points(*dataclasses.astuple(of.difference))
+        assert row == (*cells, points)
+    assert found["all as stated"][2] is None
+    # nu + k: 0.225 + 0.05.
+    assert "90 % of the base (lifts at 0.275 g without the pendulum)" in found
+    assert f"Tolerances in the validation runs: {harmonic().problem.scatter_in_words()}." in table.caption
     assert f"the same effect as a block {words.wider(details().worth)}." in table.caption
-    # Without a pendulum the bases have no such number.
-    (table,) = sections.wider_bases(rejected(), details("rejected"))
-    assert "worth" not in table.caption
-    assert sections.wider_bases(harmonic(), Details()) == []
+    assert "reduction of the share of runs that overturn, minus as stated" in table.head
+    lost = [of.words for of in variations if of.kind != "base" and not of.runs.reduction(of.measure)[1]]
+    if lost:
+        assert text.text == f"The reduction is not significant in these linear runs: {'; '.join(lost)}."
+    else:
+        assert text.text == sections._SOUND
 
 
-def test_each_other_set_of_records_has_a_table():
-    levels = "1.5", "2", "3", "4"
-    overturned = tuple(Change(at, 0.1 * i, 0.2 * i, -0.3, 0.1) for i, at in enumerate(levels))
-    other = Transfer("near-field-pulse", overturned, 28, 11, 6)
-    (table,) = sections.transferred(Details(transfer=(other,)))
-    assert tuple(rows(table)) == levels
-    assert rows(table)["3"] == ("20 %", "40 %", "-20 points (-30 to +10)")
-    assert "28 records of 11 earthquakes, 6 of which the design used" in table.caption
-    (text,) = sections.transferred(Details(transfer="The records are not installed."))
-    assert text.text == "The records are not installed."
-    assert sections.transferred(Details()) == []
-
-
-def test_each_kind_of_energy_loss_has_a_row():
-    (table,) = sections.other_losses(details())
-    found = rows(table)
-    # The block of the paper loses energy by friction only.
-    assert list(found) == ["impacts only", "friction and impacts"]
-    for case in details().losses:
-        fell = case.runs.change("overturned")
-        shares = " / ".join(words.percent(x, 1) for x in (fell.with_pendulum, fell.without_pendulum))
-        assert found[words.energy_loss(case.name)][1:3] == (case.runs.benefit_in_words, shares)
-    assert sections.other_losses(details("rejected")) == []
+def test_without_a_recommended_pendulum_only_the_wider_bases_have_rows():
+    (table,) = sections.depends_on(rejected(), details("rejected"))
+    assert [name.partition(" wider")[0] for name in rows(table)] == ["base 5 %", "base 10 %", "base 20 %"]
+    assert {row[2] for row in rows(table).values()} == {None}
+    assert "same effect" not in table.caption
+    assert sections.depends_on(harmonic(), Details()) == []
 
 
 def test_the_table_lists_the_limits_that_exclude_better_designs():

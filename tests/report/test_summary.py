@@ -13,10 +13,10 @@ from tpd.answers.statistics import Interval
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind, reduction
-from tpd.design.wider_base import Worth
+from tpd.design.variations import EquivalentWidening
 from tpd.report.answer import answer
 from tpd.report.blocks import Severity
-from tpd.report.summary import at_levels, summary, verdict
+from tpd.report.summary import at_levels, depends_on, summary, verdict
 from tpd.report.words import comparison, percent, wider
 
 
@@ -51,8 +51,9 @@ def test_the_verdict_states_the_benefit_of_the_validation_runs():
     no_benefit = replace(design.runs, with_pendulum=design.runs.without_pendulum)
     # A dependence needs a significant difference: fewer runs alone are none.
     for high, is_claimed in ((-0.1, True), (0.1, False)):
-        case = details().losses[0]._replace(runs=no_benefit, difference=Interval(-0.4, -0.6, high))
-        said = verdict(design, replace(details(), losses=(case,))).text
+        (case, *_) = details().of("losses")
+        case = case._replace(runs=no_benefit, difference=Interval(-0.4, -0.6, high))
+        said = verdict(design, replace(details(), variations=(case,))).text
         assert ("THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with losses by impacts only" in said) is is_claimed
         assert ("smaller by 40 points (95 % interval 10 to 60) than" in said) is is_claimed
     assert "-0" not in reduction(no_benefit, "overturning")
@@ -73,7 +74,7 @@ def test_the_verdict_distinguishes_corrected_from_uncorrected_intervals():
     rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
     with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
     alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
-    runs = replace(alone, passed=Decision("tilt", alone.margin("tilt", 0.1, 0.05)))
+    runs = replace(alone, passed=Decision("tilt", alone.excess_reduction("tilt", 0.1, 0.05)))
     quoted, usual = runs.benefit, alone.benefit
     ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
     assert reduction(runs, "tilt") == (
@@ -160,7 +161,7 @@ def test_the_summary_describes_the_pendulum_as_built():
     assert f"pendulum equivalent point mass {design.pendulum.mass:.2g} kg on a rod of" in said
     assert f"bob {build.mass:.3g} kg as built: a solid ball of steel, {build.bob_width:.3g} m wide" in said
     assert f"frequency {build.frequency:.3g} Hz (period {1 / build.frequency:.3g} s), undamped" in said
-    assert f"{details().losses[0].runs.pairs} runs of the linear model each" in said
+    assert f"depends on {depends_on(details())}" in said
     # Without walls in the search no distance to a wall is reported as if it were kept.
     assert "the wall is at" not in said
     alone = answer(replace(design, equivalent=None))
@@ -173,7 +174,8 @@ def test_every_summary_compares_the_pendulum_with_wider_bases():
     assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
     # Without a pendulum that is offered the bases remain.
     said = flat(answer(rejected(), details("rejected"), most=1000))
-    assert "wider base overturned in the same runs without a pendulum:" in said
+    assert "wider base overturned in the same runs: " in said
+    assert "% (base 20 % wider, " in said
     assert said.count("alternative a tie") == 1
 
 
@@ -188,11 +190,11 @@ def test_every_summary_compares_the_pendulum_with_wider_bases():
     ],
 )
 def test_an_unbounded_widening_is_described_by_its_bounds(worth, words):
-    assert wider(Worth(*worth, 0.2, "tilt")) == words
+    assert wider(EquivalentWidening(*worth, 0.2, "tilt")) == words
 
 
 def test_the_interval_of_a_widening_is_marked_as_uncorrected():
-    said = wider(Worth(0.07, 0.05, 0.09, 0.2, "tilt", decided=True))
+    said = wider(EquivalentWidening(0.07, 0.05, 0.09, 0.2, "tilt", decided=True))
     assert (
         said == "7 % wider (95 % interval 5 to 9 %, which does not allow for the decision by the same runs)"
     )
@@ -263,3 +265,16 @@ def test_sliding_during_rocking_is_a_danger():
     assert sentence.startswith("SLIDES WHILE IT ROCKS: the base needs a coefficient of friction of ")
     assert sentence in [n.text for n in summary(slides, Details()).dangers]
     assert "friction" not in [name for name, _ in summary(slides, Details()).rows]
+
+
+def test_the_row_on_variations_has_the_two_that_reduce_the_benefit_most():
+    stated, *_ = details().variations
+    changes = {"stiff": (-0.1, -0.2, -0.05), "weak": (-0.3, -0.4, -0.2), "calm": (-0.4, -0.9, 0.1)}
+    kind = "quantity"
+    rows = [stated._replace(kind=kind, words=name, difference=Interval(*x)) for name, x in changes.items()]
+    said = depends_on(Details(variations=(stated, *rows)))
+    weak, stiff = "weak -30 points (-40 to -20)", "stiff -10 points (-20 to -5)"
+    assert said.endswith(f"linear runs, for comparison only: {weak}; {stiff}")
+    said = depends_on(Details(variations=(stated, rows[2])))
+    assert said.endswith("for comparison only: none is significantly below zero")
+    assert depends_on(Details(variations=(stated,))) == ""

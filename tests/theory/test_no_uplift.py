@@ -21,7 +21,7 @@ from tpd import (
     status_name,
     transient,
 )
-from tpd.models.base import AbstractModel
+from tpd.models.base import Model
 from tpd.theory import lightest_pendulum, uplift
 from tpd.theory.no_uplift import AtRest, sliding_in_runs
 
@@ -107,7 +107,7 @@ def test_the_lightest_pendulum_has_mass_zero_if_none_is_needed():
         lightest_pendulum(calm, -0.1)
 
 
-def outcomes_after(ramp: int, share: float, model: AbstractModel) -> Counter[str]:
+def outcomes_after(ramp: int, share: float, model: Model) -> Counter[str]:
     """Outcomes of 12 blocks with `share` times the lightest bob, after a start of `ramp` periods."""
     found: Counter[str] = Counter()
     for seed in range(12):
@@ -144,17 +144,17 @@ def test_the_nonlinear_model_needs_up_to_50_per_cent_more_mass_than_the_law_of_n
     assert 7 <= outcomes_after(10, 1.5, Nonlinear())["stood"] < 12
 
 
-def test_the_condition_nearest_to_uplift_determines_the_margin():
+def test_the_condition_nearest_to_uplift_determines_the_safety_factor():
     found = AtRest.of(np.array([0.2, 0.2, 0.3]), 0.05, np.array([-0.4, 0.1, 0.49]), base_friction=0.24)
     assert (found.uplift, found.peak) == pytest.approx((0.25, 0.4))
-    assert found.margin == pytest.approx(0.625)
+    assert found.safety_factor == pytest.approx(0.625)
     # The base never pushes with more than is enough to lift the block, nor with more than it moves: here it
     # pushes most under the third condition.
     assert (found.needed_friction, found.slides) == (pytest.approx(0.35), True)
     calm = AtRest.of(0.2, 0.05, 0.1, base_friction=0.24)
     assert (calm.needed_friction, calm.slides) == (pytest.approx(0.1), False)
     assert not AtRest.of(0.2, 0.05, 0.4).slides
-    assert AtRest.of(0.2, 0.05, 0.0).margin == np.inf
+    assert AtRest.of(0.2, 0.05, 0.0).safety_factor == np.inf
     assert "the strongest condition reaches" in found.lifting_in_words
     assert "the excitation reaches" in AtRest(0.25, 0.1, None, 0.1).lifting_in_words
 

@@ -22,9 +22,9 @@ from tpd.scene.hazard import MOST_DISPERSION, Hazard
 
 RESAMPLES = 1000
 """Number of resamples of the bootstrap."""
-_FAR = 2.0
+_LEVEL_RATIO = 2.0
 """Ratio of a simulated level to the last level of the hazard from which the text mentions the level."""
-_MUCH = 0.1
+_LARGE_SHARE = 0.1
 """Extrapolated share of a rate from which the text mentions it."""
 
 
@@ -89,11 +89,11 @@ class AnnualRates(Printed, Cases):
             none = f"; {self.without_fit} of them determine no curve" if self.without_fit else ""
             out.append(f"The intervals are those of a {'paired ' * bool(self.ratio)}bootstrap ({kind}{none})")
         (quantity, _, unit), last = self.hazard.measure, self.hazard.levels[-1]
-        if shares := [percent(x) for x in self.extrapolated if x >= _MUCH]:
+        if shares := [percent(x) for x in self.extrapolated if x >= _LARGE_SHARE]:
             where = f"a {quantity} beyond the levels of the runs or of the hazard"
             out.append(f"{' and '.join(shares)} of the rate is extrapolated: it comes from {where}")
         # A curve that is known only far above the hazard says little on the intensities that occur.
-        if far := [number(x, 3) for x in self.stripes if x > _FAR * last]:
+        if far := [number(x, 3) for x in self.stripes if x > _LEVEL_RATIO * last]:
             most = f"the last level of the hazard, {number(last, 3)} {unit}"
             out.append(f"Levels of the runs far above {most}: {', '.join(far)} {unit}")
         return tuple(out)

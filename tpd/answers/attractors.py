@@ -20,8 +20,8 @@ from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
+from tpd.models.base import scale_of
 from tpd.models.piecewise import Piecewise
-from tpd.models.settling import scale_of
 from tpd.scene.ensemble import StartKind as StartKind
 from tpd.scene.ensemble import Starts as Starts
 from tpd.scene.parameters import Parameters, as_arrays

@@ -25,9 +25,8 @@ from tpd.answers.steady_state import Steady, steady_state
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
-from tpd.models.base import AbstractChoice, setting
+from tpd.models.base import scale_of, setting
 from tpd.models.piecewise import Nonlinear, Piecewise
-from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number, State
@@ -39,15 +38,15 @@ INTEGRATED = 1e-5
 """Relative error of the nonlinear model: its integration error, with a margin."""
 SAFETY = 2.0
 """Factor on the estimated error of the linear model, because the estimate neglects how its parts add."""
-_NEAR = 0.02
+_BASIN = 0.02
 """Distance of an initial state from an attracting motion, relative to the scale of the state, up to which the
 initial state certainly reaches this motion."""
-_ALIKE = 0.25
+_GAP = 0.25
 """Largest relative difference between the amplitudes of (25) and (4) for the same motion. The amplitudes of
 different motions differ more."""
 
 
-class Auto(AbstractChoice):
+class Auto(eqx.Module):
     """Automatic selection of the simplest model whose estimated error is within a tolerance.
 
     A block that never lifts is answered by the no-uplift condition, which also gives the lightest pendulum.
@@ -97,7 +96,7 @@ class Auto(AbstractChoice):
         close = settles and error <= self.tolerance
         # The nonlinear model takes most of the time. It is not used if the initial state is already
         # next to the settled motion.
-        near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
+        near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _BASIN)
         reached = None if near else follow(Terms.nonlinear, row_of(fixed), HarmonicForcing(), y0=y0)
         if close and (reached is None or _is_same_motion(steady, reached)):
             why = f"the estimated error of the linear model is within {limit}"
@@ -165,7 +164,7 @@ def _is_same_motion(steady: Steady, reached: Run) -> bool:
     """Whether the nonlinear model reaches the same motion as the linear one."""
     if bool(steady.status == Status.rest) or not is_one_of(reached.status, *SETTLED):
         return bool(reached.status == steady.status)
-    alike = abs(float(reached.settled_tilt) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
+    alike = abs(float(reached.settled_tilt) - float(steady.amplitude)) <= _GAP * float(steady.amplitude)
     # A motion that was only followed until it repeated may have a multiple of its period.
     return alike and int(reached.periods) % int(steady.periods) == 0
 

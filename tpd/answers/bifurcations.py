@@ -33,17 +33,17 @@ from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, names_of, status_name
 
-_FINER = 16
+_PARTS = 16
 """Number of parts into which a gap without a bifurcation is divided."""
 _DEPTH = 5
 """Largest number of such divisions, one inside the other."""
-_AWAY = np.geomspace(1e-5, 0.1, 40)
+_DISTANCES = np.geomspace(1e-5, 0.1, 40)
 """Distances from a bifurcation, as shares of the range, at which the orbits on both sides are examined.
 There are several distances, because two orbits that are about to merge cannot be separated close to a
 fold."""
-_NEAR = 0.5
+_MOST_DISTANCE = 0.5
 """Largest distance of such an orbit from the bifurcation, in shares of half a period and in rad."""
-_APART = 1.0
+_NEIGHBOUR_DISTANCE = 1.0
 """Distance of two orbits beyond which they cannot be neighbours on a branch. The distance is the sum of the
 differences in crossing time (share of half a period), phase (rad) and logarithm of the amplitude."""
 
@@ -147,7 +147,7 @@ def _joints(
     ahead = place[i - 1] + slope[i - 1] * (grid[i] - grid[i - 1])
     # The prediction may be wrong next to the beginning of a branch, so the smaller distance counts.
     apart = np.minimum(_distances(place[i], ahead), _distances(place[i], place[i - 1]))
-    allowed = (apart < _APART) & (side[i][:, None] == side[i - 1])
+    allowed = (apart < _NEIGHBOUR_DISTANCE) & (side[i][:, None] == side[i - 1])
 
     def pairs(order: tuple[int, ...]) -> list[tuple[int, int]]:
         return [(new, old) for new, old in enumerate(order) if allowed[new, old]]
@@ -356,7 +356,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         if any(b.kind in gap.causes for b in points):
             continue
         # Without an explanation the gap is swept again with smaller steps.
-        finer = np.linspace(min(gap.value, gap.other), max(gap.value, gap.other), _FINER + 1)
+        finer = np.linspace(min(gap.value, gap.other), max(gap.value, gap.other), _PARTS + 1)
         # If the gap is so narrow that its division gives equal numbers, it cannot be resolved further.
         if depth and np.all(np.diff(finer) > 0):
             results += _explained(search, finer, depth - 1)
@@ -431,7 +431,7 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
         before, last = last, share.max()
         # Converged to rounding: the steps are below 1e-9 and no longer decrease.
         if last < 1e-15 or (before < 1e-9 and last >= before):
-            near = max(abs(u[0] - gap.t) / span, abs(u[1] - gap.gamma)) <= _NEAR
+            near = max(abs(u[0] - gap.t) / span, abs(u[1] - gap.gamma)) <= _MOST_DISTANCE
             (x,) = search.axis.at(np.array([value]))
             point = _Point(u, value, x, abs(float(step[m])), solved[m, 1:])
             return point if last <= 1e-9 and near and low < value < high else None
@@ -492,7 +492,7 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     """
     if b.kind is Kind.unresolved:
         return b
-    away = _AWAY * (search.high - search.low)
+    away = _DISTANCES * (search.high - search.low)
     change = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
     sides = (_neighbours(search, b, b.value + side * away, max(change, 1)) for side in (-1.0, 1.0))
     # The first distance at which both sides agree with the kind of the bifurcation confirms it.
@@ -525,7 +525,7 @@ def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: in
     at = search.axis.at(np.append(values, b.value))[:, [XI]] / np.pi
     places = np.stack([orbits.crossing * at[:-1], orbits.phase], axis=-1)
     apart = np.abs(wrapped(places - np.array([b.crossing * at[-1, 0], b.phase]))).max(axis=-1)
-    apart = np.where(apart < _NEAR, apart, np.inf)
+    apart = np.where(apart < _MOST_DISTANCE, apart, np.inf)
     out = []
     for i, order in enumerate(np.argsort(apart, axis=1)):
         close, rocking = [str(names[i, j]) for j in order[:several]], status_name(Status.rocking)

@@ -17,7 +17,7 @@ from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import shown_count
-from tpd.models.settling import scale_of
+from tpd.models.base import scale_of
 from tpd.scene.parameters import NAMES, Parameters, from_row
 from tpd.scene.quantities import UNITS, Setup, named
 from tpd.scene.scene import Pendulum, Scene

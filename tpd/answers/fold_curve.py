@@ -39,7 +39,7 @@ _FIRST, _LONGEST, _SHORTEST = 1e-2, 2e-2, 1e-7
 in the phase, or the whole range of a parameter."""
 _STRAIGHT = math.cos(0.15)
 """Smallest cosine of the angle between the tangents at the two ends of a step."""
-_FAR = 0.3
+_LARGEST_STEP = 0.3
 """Largest step of Newton's method, in the same unit. From farther away it may converge to another fold."""
 _CONVERGED, _MOST_STEPS = 1e-9, 12
 """Newton step at which the error is at rounding, because the next step would be of the size of its square,
@@ -261,7 +261,7 @@ class _Folds(NamedTuple):
             # Of the solutions of three equations in four unknowns this is the shortest.
             step = np.linalg.lstsq(system, wanted, rcond=None)[0]
             z, size = z + step * self.scale, np.abs(step).max()
-            if size < _CONVERGED or size > _FAR:
+            if size < _CONVERGED or size > _LARGEST_STEP:
                 return z if size < _CONVERGED else None
         return None
 

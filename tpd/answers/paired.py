@@ -39,13 +39,13 @@ from tpd.theory.equations import Terms
 LEAST = 0.02
 """Smallest mean severity to which changes are related. A smaller mean counts as this value, so that a small
 tilt is not a large relative increase where the block is otherwise at rest."""
-FEWER = 0.1
+REST_LOSS = 0.1
 """Share of the runs at rest without the pendulum that may rock with it. With many runs any difference is
 significant, so that a tolerance is necessary."""
 OVERTURNS = 0.01
 """Share of overturned runs without a pendulum from which the first purpose of a pendulum is to reduce
 overturning. Below this share it is to reduce the mean tilt."""
-WORSE = 0.05
+TILT_TOLERANCE = 0.05
 """Relative increase of the mean tilt that is allowed in one group of runs."""
 
 
@@ -75,7 +75,7 @@ class Decision(NamedTuple):
 
     measure: str
     """Measure that decided, "overturning" or "tilt"."""
-    margin: float
+    excess: float
     """How much smaller its reduction could be in these runs until the decision would be another one."""
 
 
@@ -143,7 +143,7 @@ class PairedRuns(Printed):
     passed: Decision | None = None
     """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
     Benefit and reduction of overturning are estimates given this decision (truncated normal)."""
-    worse: float = WORSE
+    worse: float = TILT_TOLERANCE
     """Relative increase of the mean severity that is allowed in a part."""
     annual: Callable[[PairedRuns], Any] | None = None
     """Function that returns `annual_rates`."""
@@ -233,14 +233,15 @@ class PairedRuns(Printed):
         of = fall(with_pendulum, without_pendulum, clusters, least=LEAST if measure == "tilt" else 0.0)
         if self.passed is None:
             return of
-        decided = self.unconditional.reduction(self.passed.measure)[0]
+        criterion = self.unconditional.reduction(self.passed.measure)[0]
         # By how much each earthquake contributes to the deviation of both reductions from their means.
         x, y = (
             added_up((1.0 - by.mean) * without - with_it, clusters)
-            for by, (with_it, without) in ((of, pair), (decided, self._pair(self.passed.measure)))
+            for by, (with_it, without) in ((of, pair), (criterion, self._pair(self.passed.measure)))
         )
         size = np.sqrt((x @ x) * (y @ y))
-        return conditional_interval(of, decided, self.passed.margin, float(x @ y / size) if size else 1.0)
+        correlation = float(x @ y / size) if size else 1.0
+        return conditional_interval(of, criterion, self.passed.excess, correlation)
 
     def reduction_minus(self, other: PairedRuns, measure: str) -> Interval:
         """Return the reduction of "overturning" or "tilt" in these runs minus the reduction in other runs of
@@ -283,11 +284,11 @@ class PairedRuns(Printed):
             # unknown ratio is NaN, and has not fallen.
             ratio = self.annual_rates.ratio
             of = Interval(1.0 - ratio.mean, 1.0 - ratio.high, 1.0 - ratio.low)
-            quoted = of if self.passed is None else conditional_interval(of, of, self.passed.margin)
-            return quoted, of.low > 0.0
+            gain = of if self.passed is None else conditional_interval(of, of, self.passed.excess)
+            return gain, of.low > 0.0
         return self.benefit, self.change("mean tilt").high < 0.0
 
-    def margin(self, measure: str, least: float, low: float) -> float:
+    def excess_reduction(self, measure: str, least: float, low: float) -> float:
         """Return how much smaller the reduction of a measure could be in these runs and still be sufficient.
 
         It is negative or NaN if the reduction is not sufficient.
@@ -408,7 +409,7 @@ class PairedRuns(Printed):
         with_pendulum, without = (runs.is_at_rest[self.is_answered].astype(float) for runs in self._cases)
         fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
         # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.
-        is_above_tolerance = is_positive((1.0 - FEWER) * without - with_pendulum)
+        is_above_tolerance = is_positive((1.0 - REST_LOSS) * without - with_pendulum)
         return is_above_tolerance and chance_of(fewer, more) < SIGNIFICANT
 
     @property

@@ -24,13 +24,13 @@ from tpd.scene.status import status_name
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
-_TOWARDS = np.geomspace(1e-5, 0.5, 12)
+_DISTANCES = np.geomspace(1e-5, 0.5, 12)
 """Distances of additional values from a bifurcation, in steps of the sweep. At a fold the amplitude changes
 like a square root, so equal steps would miss the end of the branch."""
 _STEP, _STEPS = 0.004, 12
 """Relative step of additional frequencies near the natural frequency, and their number on either side."""
 
-_LOG_STEP, _NEAR = 0.002, 0.05
+_LOG_STEP, _WINDOW = 0.002, 0.05
 """Step between the frequencies of neighbouring runs, in the natural logarithm, and largest relative
 difference between a frequency and the runs near it."""
 BAND = (0.7, 1.5)
@@ -129,7 +129,7 @@ def branches(
     points = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
     axis = Axis.of(subject, name, pendulum)
     # Additional values on both sides of each bifurcation, at fractions of the step of the sweep.
-    near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
+    near = (high - low) / (samples - 1) * np.concatenate([-_DISTANCES, _DISTANCES])
     # Far from a bifurcation the branches are smooth, and equal steps are sufficient.
     beside = [b.value + near for b in points]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
@@ -286,7 +286,7 @@ def settled_response(
 
 def window(value: float) -> tuple[float, float]:
     """Return the range of the frequencies of the runs near a value."""
-    return value * (1.0 - _NEAR), value * (1.0 + _NEAR)
+    return value * (1.0 - _WINDOW), value * (1.0 + _WINDOW)
 
 
 def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray:

@@ -91,7 +91,7 @@ class Interval:
 
 
 def conditional_interval(
-    of: Interval, decided: Interval, margin: float, correlation: float = 1.0
+    of: Interval, criterion: Interval, excess: float, correlation: float = 1.0
 ) -> Interval:
     """Return the interval of a mean that is quoted only because its own sample passed a decision.
 
@@ -108,19 +108,19 @@ def conditional_interval(
 
     Args:
         of: mean with its usual interval.
-        decided: mean that decided, with its usual interval.
-        margin: distance of the mean that decided from the threshold.
+        criterion: mean that decided, with its usual interval.
+        excess: distance of the mean that decided from the threshold.
         correlation: correlation of both means.
 
     Example:
         >>> of = Interval(0.2, 0.1, 0.3)
-        >>> [conditional_interval(of, of, margin).fall_in_words()[1:] for margin in (0.05, 0.5)]
+        >>> [conditional_interval(of, of, excess).fall_in_words()[1:] for excess in (0.05, 0.5)]
         [('18 %', ' (95 % interval 4 to 30 %)'), ('20 %', ' (95 % interval 10 to 30 %)')]
     """
     if not (math.isfinite(of.low) and correlation > 0.0):
         return of
     quantile = float(ndtri(0.5 * (1.0 + LEVEL)))
-    passed = margin / (decided.mean - decided.low) * quantile / correlation
+    passed = excess / (criterion.mean - criterion.low) * quantile / correlation
     # Distance of the sample from possible true values in standard errors, and the probability that a sample
     # that passes has at least this mean. This probability increases with the true value.
     truths = np.linspace(of.mean - _FARTHEST * (of.mean - of.low), of.high, 2001)

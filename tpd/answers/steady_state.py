@@ -28,7 +28,7 @@ from tpd.compiled.derivatives import joined, primal, refused
 from tpd.compiled.simulate import SteadyNumbers
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
-from tpd.models.base import AbstractChoice, AbstractModel
+from tpd.models.base import Choice, Model
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import Number, State, single
@@ -143,7 +143,7 @@ def _default() -> Piecewise:
 def steady_state(
     p: Parameters,
     *,
-    model: AbstractModel | AbstractChoice | None = None,
+    model: Model | Choice | None = None,
     y0: checks.Vector | None = None,
     throw: bool = False,
 ) -> Steady:
@@ -179,16 +179,15 @@ def steady_state(
     """
     check_parameters(p)
     model = _default() if model is None else model
-    checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
     start: Any = np.zeros(4) if y0 is None else checks.state(y0)
-    if isinstance(model, AbstractChoice):
-        steady = model.steady(p, start)
-    else:
+    if isinstance(model, Model):
         # The method of the class is called, because Equinox wraps a method of an object, which takes longer
         # than the check itself.
         model.__class__.check(model, p)  # pyright: ignore[reportArgumentType]
         steady = _steady_state(p, model, start)
+    else:
+        steady = checks.instance("model", model, (Model, Choice)).steady(p, start)
     if throw:
         settled = is_one_of(steady.status, *SETTLED)
         # The error is attached to the amplitude, so that it is also raised inside compiled programs.
@@ -199,7 +198,7 @@ def steady_state(
 
 
 def simulate(
-    p: Parameters, y0: checks.Vector, times: checks.Vector, *, model: AbstractModel | None = None
+    p: Parameters, y0: checks.Vector, times: checks.Vector, *, model: Model | None = None
 ) -> Trajectory:
     """Compute the states of a motion at given times, from the initial state `y0` at `times[0]`.
 
@@ -230,7 +229,7 @@ def simulate(
     """
     check_parameters(p)
     model = _default() if model is None else model
-    checks.instance("model", model, AbstractModel)
+    checks.instance("model", model, Model)
     model.check(p)
     clock = checks.increasing("times", times)
     # Ctrl-C has no effect until compiled code returns, hence the limits on times and periods.
@@ -248,19 +247,19 @@ def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Arr
 
 
 @eqx.filter_jit
-def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
+def _trajectory(p: Parameters, model: Model, y0: State, times: Array) -> tuple[Array, Status]:
     ys, status = _states_at(p, y0, times, model=model)
     # The derivatives of states that are NaN are NaN as well, and not zero.
     return refused(ys, jnp.isfinite(ys)), status
 
 
 @eqx.filter_custom_jvp
-def _states_at(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -> tuple[Array, Status]:
+def _states_at(p: Parameters, y0: State, times: Array, *, model: Model) -> tuple[Array, Status]:
     return model.trajectory(p, y0, times)
 
 
 @_states_at.def_jvp
-def _states_at_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
+def _states_at_jvp(primals: tuple, tangents: tuple, *, model: Model) -> tuple:
     """Compute all derivatives of one trajectory with respect to parameters and initial state.
 
     The result is their product with the tangents, which is linear in the tangents and can be transposed for
@@ -289,7 +288,7 @@ def _states_at_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> 
     return (ys, status), (out, jax.tree.map(lambda _: None, status))
 
 
-def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
+def _steady_state(p: Parameters, model: Model, y0: State) -> Steady:
     # Derivatives are computed only if JAX asks for them, and then together with the value. Forward and
     # reverse mode, nested to any depth, cost one product with the slopes, and never differentiate the loops
     # that solve for the orbit.

@@ -19,7 +19,7 @@ from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing, Run, follow
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
-from tpd.models.base import AbstractModel
+from tpd.models.base import Model
 from tpd.models.piecewise import Nonlinear, Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
@@ -110,7 +110,7 @@ def transient(
     pendulum: Pendulum | None = None,
     *,
     y0: checks.Vector | None = None,
-    model: AbstractModel | None = None,
+    model: Model | None = None,
     free: Real = FREE,
     max_events: Whole = MAX_EVENTS,
 ) -> Transient:

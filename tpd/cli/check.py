@@ -18,7 +18,7 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.reasons import reduction
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Validated, validate
+from tpd.design.validate import Validation, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
 from tpd.report import summary, words
@@ -147,7 +147,7 @@ def _check_by_engine(scene: Scene, pendulum: Pendulum | None, options: argparse.
     return SOUND if is_sound else UNSOUND
 
 
-def _ratios_outside(validation: Validated, space: DesignSpace) -> list[str]:
+def _ratios_outside(validation: Validation, space: DesignSpace) -> list[str]:
     """Return a sentence for each ratio of the pendulum that lies outside of the design space."""
     sentences = []
     names = "mass", "length", "damping"

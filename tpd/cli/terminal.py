@@ -20,7 +20,7 @@ from tpd.core.progress import EVERY, TICK, is_silent, say
 
 SOUND, BAD_INPUT, UNSOUND = 0, 2, 3
 """Exit statuses of a command that was not interrupted."""
-_SOON = 0.2
+_FIRST_MESSAGE = 0.2
 """Time (s) before a command prints its first message. Most invalid input is rejected earlier than that."""
 _SHOW = warnings.showwarning
 """Function of Python that shows warnings; it remains in use for warnings of other packages."""
@@ -112,7 +112,7 @@ def print_answer(*lines: str) -> None:
 def _report(activity: str) -> None:
     """Print the messages of `announced`, in a thread of its own."""
     begin = time.monotonic()
-    if not _answered.wait(_SOON):
+    if not _answered.wait(_FIRST_MESSAGE):
         say(f"tpd {tpd.__version__}: {activity}")
     # On a terminal the message stays in the last line, and the next line of the command replaces it.
     text, end, every = ("at work", "\r", 1.0) if sys.stderr.isatty() else (activity, "\n", EVERY + TICK)

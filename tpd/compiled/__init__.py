@@ -14,7 +14,7 @@ Two Newton methods solve for periodic orbits. Each has a compiled form and a for
 are JAX programs:
 
 - The first method solves y = P(y), where P is the map over a number of forcing periods. It converges to
-  orbits of any kind from a state nearby. See `period_map`, and `tpd.models.period_map` for JAX.
+  orbits of any kind from a state nearby. See `period_map`, and `tpd.models.smoothed_orbit` for JAX.
 - The second method solves the map of half a forcing period of a symmetric orbit, with the numbers of the
   upper turning point as unknowns. `orbit_roots_kernel` does so in closed form and needs no initial state. See
   `tpd.models.half_period` for JAX.

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.compiled import compiling
-from tpd.compiled.columns import RUN
+from tpd.compiled.columns import RUN, WIDTH
 from tpd.compiled.rows import row_of
 from tpd.core import jax_setup
 from tpd.core.batch import PIECE, shared
@@ -57,6 +57,12 @@ def parts(numbers: Any, record: np.dtype) -> SimpleNamespace:
         shape = *numbers.shape[:-1], *kind.shape, *complex_axis
         answer[name] = numbers[..., place : place + size].reshape(shape)
     return SimpleNamespace(**answer)
+
+
+def check_width(rows: Any) -> None:
+    """Raise `ValueError` unless the last axis has the ten parameters: compiled code would read beyond it."""
+    if np.shape(rows)[-1:] != (WIDTH,):
+        raise ValueError(f"parameters must have shape (..., {WIDTH}), but have {np.shape(rows)}")
 
 
 class Compiled:
@@ -129,9 +135,11 @@ class Compiled:
     def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
         """Compute the results in this process, for operands that are NumPy arrays.
 
-        All operands and results have the same leading batch axes, before their own axes.
+        The first operands are settings and parameters. All operands and results have the same leading batch
+        axes, before their own axes.
         """
         run = self.entry().run
+        check_width(operands[1])
         wide = [np.asarray(x, dtype=float) for x in operands]
         # The settings are the first operand, with one row for each run.
         settings, *_ = wide
@@ -160,6 +168,7 @@ class Compiled:
             buffers: contiguous arrays, operands before results.
         """
         entry = self.entry()
+        check_width(buffers[1])
 
         def run(first: int, last: int) -> int:
             entry.run(first, last, *buffers)
@@ -169,6 +178,7 @@ class Compiled:
 
     def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
         """Return the results for operands that JAX traces."""
+        check_width(operands[1])
         wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
 
         def by_xla(*a: Any) -> Any:

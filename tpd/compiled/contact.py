@@ -110,10 +110,8 @@ def land(q, y, capture, eta, mode):
     before, side = y[TILT_RATE], mode.tilt
     decide(q, y, 0.0, 0.0, eta, mode)
     can_rest = mode.kind == REST
-    block, bob = impact(q, False, side, y[SWING])
     rests = can_rest and abs(before) <= capture
-    if rests:
-        block, bob = impact(q, True, side, y[SWING])
+    block, bob = impact(q, rests, side, y[SWING])
     y[TILT_RATE], y[SWING_RATE] = 0.0 if rests else (1.0 + block) * before, y[SWING_RATE] + bob * before
     # The impact changes the rate of the bob, and so the moment on a block that stops.
     decide(q, y, 0.0, sign(y[TILT_RATE]), eta, mode)

@@ -24,7 +24,7 @@ from tpd.compiled.columns import (
     WIDTH,
 )
 from tpd.compiled.contact import excess, impact
-from tpd.compiled.forcing import Load, forcing_now, harmonic, load_at, span_of
+from tpd.compiled.forcing import YES, Load, forcing_now, harmonic, load_at, span_of
 from tpd.compiled.motion import (
     CONTINUES,
     END,
@@ -71,6 +71,7 @@ READER = np.dtype(
         ("dy", np.float64, (4, int(INPUTS) + 1)),
         ("shift", np.float64, (int(INPUTS) + 1,)),
         ("inverse", np.float64, (3,)),
+        ("by", np.float64, (int(ROWS), int(INPUTS))),
         ("work", series.WORK),
     ],
     align=True,
@@ -78,7 +79,8 @@ READER = np.dtype(
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
 other directions, from a `row` of parameters; a complex `series`; the derivatives `dy` of the state and
 `shift` of the local time, in all directions and in that of the start time; `inverse`, which is not used
-because these series have a given order; and a workspace (`work`) for real series."""
+because these series have a given order; `by`, the derivatives of a motion by rows and directions; and a
+workspace (`work`) for real series."""
 
 
 @part
@@ -139,7 +141,7 @@ def _order_of(q, leg):
 
 
 @compiled
-def _store_angles(r, f, m, leg, order, n, j, before, by):
+def _store_angles(r, f, m, leg, order, n, j, before):
     """Write the derivatives of the angles that are largest in leg n, and of their times, in direction j.
 
     The series of the reader is that of the leg, and its derivatives are those at the end of the leg. `before`
@@ -150,21 +152,29 @@ def _store_angles(r, f, m, leg, order, n, j, before, by):
             continue
         t, shift = m.peak_offsets[k], r.shift[j]
         if t == leg.duration:
-            by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
+            r.by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
         else:
             # Within a leg the angle turns, so that its value does not change with its time.
             phi, psi = series.value_at(r, series.PHI, order, t), series.value_at(r, series.PSI, order, t)
-            by[ANGLES + k, j] = angle_of(phi.imag, psi.imag, k) / STEP
+            r.by[ANGLES + k, j] = angle_of(phi.imag, psi.imag, k) / STEP
             v, a = series.value_and_slope(r, series.V, order, t)
             rate, pull = series.value_and_slope(r, series.R, order, t)
             apart = 1.0 if k > 3 else 0.0
             shift = before - (rate - apart * v).imag / STEP / (pull - apart * a).real
         if not f.harmonic:
-            by[TIMES + k, j] = leg.piece * _plant(r, j).xi.imag / STEP + shift
+            r.by[TIMES + k, j] = leg.piece * _plant(r, j).xi.imag / STEP + shift
 
 
 @compiled
-def _carry_complex(r, f, leg, directions, angles, m, n, by):
+def _terms(q, leg, e, order, w):
+    """Compute the series of a leg. Its mode is copied: another kind of record would be compiled again."""
+    w.trial.kind, w.trial.tilt, w.trial.direction = leg.kind, leg.tilt, leg.direction
+    series.load_state(leg.y, w)
+    series.terms(q, w.trial, e, math.inf, order, w)
+
+
+@compiled
+def _carry_complex(r, f, leg, directions, angles, m, n):
     """Carry the derivatives of a reader through leg n of a motion and past its event.
 
     If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
@@ -203,7 +213,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
         r.dy[SWING_RATE, j] = rate.imag / STEP + swing_pull.real * delay
         r.shift[j] = before + delay
         if angles:
-            _store_angles(r, f, m, leg, order, n, j, before, by)
+            _store_angles(r, f, m, leg, order, n, j, before)
         # Past the event: the variable that vanishes there vanishes for all parameters.
         if event == TURN:
             r.dy[TILT_RATE, j] = 0.0
@@ -218,7 +228,7 @@ def _carry_complex(r, f, leg, directions, angles, m, n, by):
 
 
 @compiled
-def _carry_states(q, r, leg, directions, angles, m, n, by):
+def _carry_states(q, r, leg, directions, angles, m, n):
     """Carry derivatives in initial states through leg n under a harmonic, for the linear equations (25).
 
     See `carry_through_leg`. A change of the state is a motion without forcing, weight and friction, so that
@@ -226,10 +236,8 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
     """
     (first, last), t, event, w = directions, leg.duration, leg.event, r.work
     order, y = _order_of(q, leg), w.trial.y
-    series.load_state(leg.y, w)
-    e = load_at(q, harmonic(), leg.piece, leg.start)
-    series.terms(q, leg, e, math.inf, order, w)
-    c = w.series
+    e, c = load_at(q, harmonic(), leg.piece, leg.start), w.series
+    _terms(q, leg, e, order, w)
     v0, a0, r0, b0 = c[series.V, VALUE], c[series.V, SLOPE], c[series.R, VALUE], c[series.R, SLOPE]
     (v, a), (rate, b) = (
         series.value_and_slope(w, series.V, order, t),
@@ -241,7 +249,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
         _, slope = series.value_and_slope(w, _signal(event), order, t)
     # In (25) the impact does not depend on the bob's angle.
     block, bob = impact(q, leg.rests, leg.tilt, 0.0)
-    w.trial.kind, w.trial.tilt, w.trial.direction = leg.kind, 0.0, 0.0
+    w.trial.tilt, w.trial.direction = 0.0, 0.0
     free, d = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), r.dy
     for j in range(first, last):
         before = r.shift[j]
@@ -254,8 +262,9 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
         for k in range(6 if angles else 0):
             if m.peak_legs[k] == n and m.peak_offsets[k] != t:
                 # Within a leg the angle turns, so that its value does not change with its time.
-                phi = series.value_at(w, series.PHI, order, m.peak_offsets[k])
-                by[ANGLES + k, j] = angle_of(phi, series.value_at(w, series.PSI, order, m.peak_offsets[k]), k)
+                at = m.peak_offsets[k]
+                phi = series.value_at(w, series.PHI, order, at)
+                r.by[ANGLES + k, j] = angle_of(phi, series.value_at(w, series.PSI, order, at), k)
         series.store_state(w, order, t, y)
         # The change of the time at which the leg ends: that of its event, or none.
         shift = before if event == CONTINUES else 0.0
@@ -271,7 +280,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
         d[TILT_RATE, j], d[SWING_RATE, j] = y[TILT_RATE] + a * shift, y[SWING_RATE] + b * shift
         for k in range(6 if angles else 0):
             if m.peak_legs[k] == n and m.peak_offsets[k] == t:
-                by[ANGLES + k, j] = angle_of(d[TILT, j], d[SWING, j], k)
+                r.by[ANGLES + k, j] = angle_of(d[TILT, j], d[SWING, j], k)
         if event == LANDING:
             d[TILT, j], d[SWING_RATE, j] = 0.0, d[SWING_RATE, j] + bob * d[TILT_RATE, j]
             d[TILT_RATE, j] *= 1.0 + block
@@ -281,7 +290,7 @@ def _carry_states(q, r, leg, directions, angles, m, n, by):
 
 
 @compiled
-def carry_through_leg(q, r, f, leg, directions, angles, m, n, by):
+def carry_through_leg(q, r, f, leg, directions, angles, m, n):
     """Carry the derivatives of a reader through leg n of a motion and past its event.
 
     If `angles`, this also stores the derivatives of the angles that are largest in the leg. The directions
@@ -289,11 +298,11 @@ def carry_through_leg(q, r, f, leg, directions, angles, m, n, by):
     """
     first, last = directions
     if q.linear != 0.0 and f.harmonic:
-        _carry_complex(r, f, leg, (first, min(last, STATE)), angles, m, n, by)
+        _carry_complex(r, f, leg, (first, min(last, STATE)), angles, m, n)
         if last > STATE:
-            _carry_states(q, r, leg, (max(first, STATE), last), angles, m, n, by)
+            _carry_states(q, r, leg, (max(first, STATE), last), angles, m, n)
     else:
-        _carry_complex(r, f, leg, directions, angles, m, n, by)
+        _carry_complex(r, f, leg, directions, angles, m, n)
 
 
 @compiled
@@ -329,15 +338,15 @@ def _nearest_leg(q, f, legs, count):
 
 
 @compiled
-def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
-    """Compute the derivatives of a motion from its legs, and return its growing coordinate, see
+def read_derivatives(q, f, m, legs, r, directions, angles_only):
+    """Write the derivatives of a motion into `r.by`, and return its growing coordinate, see
     `growing_coordinate`.
 
-    `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
-    have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
-    uplift are not used.
+    They get the columns from the first to before the last of `directions`. What does not exist is not
+    written. The reader must have its plants. If `angles_only`, the legs after the last of the largest angles
+    and after the first uplift are not used.
     """
-    count, (first, inputs) = min(m.n_legs, len(legs)), directions
+    count, (first, inputs), by = min(m.n_legs, len(legs)), directions, r.by
     start_reading(r, inputs)
     for k in range(6):
         if m.peak_legs[k] == _BEGINNING:
@@ -360,7 +369,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
             # This leg decides whether the block overturns or falls back.
             coordinate = growing_coordinate(_plant(r, j), leg.tilt, leg.direction, leg.y, r.dy, j)
             by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
-        carry_through_leg(q, r, f, leg, directions, True, m, n, by)
+        carry_through_leg(q, r, f, leg, directions, YES, m, n)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
@@ -420,8 +429,7 @@ def store_state_at(q, f, leg, t, w, out):
 
     It has the columns of a history, of which `out` may have the first ones.
     """
-    series.load_state(leg.y, w)
-    series.terms(q, leg, load_at(q, f, leg.piece, leg.start), math.inf, leg.order, w)
+    _terms(q, leg, load_at(q, f, leg.piece, leg.start), leg.order, w)
     out[TILT] = series.value_at(w, series.PHI, leg.order, t)
     out[SWING] = series.value_at(w, series.PSI, leg.order, t)
     out[TILT_RATE], out[TILT_PULL] = series.value_and_slope(w, series.V, leg.order, t)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.compiled.calling import ORBITS, numbers_in, parts, shape
+from tpd.compiled.calling import ORBITS, check_width, numbers_in, parts, shape
 from tpd.compiled.columns import ORBIT_STATUSES
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
@@ -67,6 +67,7 @@ def orbit_slopes(
     The result has shape (n, m, d, sizes). Derivatives that do not exist are NaN, and so are those of sizes
     outside of the `group` (first index, index after the last).
     """
+    check_width(directions)
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
     all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)

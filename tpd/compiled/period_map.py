@@ -6,7 +6,7 @@ This module computes the periodic orbits of both equations: the orbits of runs t
 
 Let P be the map from the state at tau = 0 to the state some periods later. A periodic orbit is y* = P(y*),
 and Newton's step solves (I - DP) dy = P(y) - y. With the parameters p the orbit changes by dy*/dp = (I -
-DP)^-1 dP/dp. `tpd.models.period_map` has the same rules in JAX, for models that are JAX programs.
+DP)^-1 dP/dp. `tpd.models.smoothed_orbit` has the same rules in JAX, for models that are JAX programs.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ CYCLE = np.dtype(
     ],
     align=True,
 )
-"""A number of periods of a motion, see `tpd.models.flow.Cycle`: the state `end` (NaN if the motion did not
-arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
-tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
-of Newton's method from its start, in shares of the scales; the `periods` and the `residual` of an orbit to
+"""A number of periods of a motion: the state `end` (NaN if the motion did not arrive); the largest |phi| and
+|psi|; the smallest `transversality` of all events, which is 0 if the motion grazes one; the `asymmetry` of
+the tilts; whether the mode at the end is that of the start (`closed`); the hold level; the `step` of Newton's
+method from its start, in shares of the scales; the `periods` and the `residual` of an orbit to
 which a run was moved; the mode at the start (`kind`, `tilt`, `direction`); the largest angles to either side
 (`peaks`), see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
@@ -173,7 +173,13 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     sound = ended == ARRIVED
     if sound:
         _include_event_at_end(q, m, legs, w, start, buffers.motions[TRIAL], limits)
-        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO, c.by)
+        # An angle that the motion never takes has no derivative, and none is used.
+        r.by[:] = 0.0
+        read_derivatives(q, harmonic(), m, legs, r, limits.directions, NO)
+        first, last = limits.directions
+        for i in range(ROWS):
+            for j in range(first, last):
+                c.by[i, j] = r.by[i, j]
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     copy_to(m.peaks, c.peaks)

@@ -1,6 +1,6 @@
 """The last forcing periods of a run: whether it repeats, and the record of the motion to which it settles.
 
-`tpd.models.settling` has the rules for the smoothed models, which have no contact modes.
+`tpd.models.smoothed_orbit` has the rules for the smoothed models, which have no contact modes.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ Runs are simulated one by one. In a vectorised batch every run would wait for th
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numba
@@ -37,7 +36,6 @@ from tpd.compiled.legs import (
     OF_TIMES,
     OF_UPLIFT,
     OUTPUTS,
-    ROWS,
     STATE,
     STATES,
     TIMES,
@@ -130,7 +128,7 @@ def _follow_ground(a, first, last, history, buffers):
     `RUN` and derivatives; for a history states, impacts and statuses.
     """
     (s, x, y), (_, _, _, forcing, results, by, arrivals, ends) = inputs_of(a, last), addresses_in(a)
-    no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    no_legs, slopes = np.empty(0, LEG), s[first].slopes != 0.0
     (q, m, w, r), now, here = records_of(buffers), np.empty(6), np.empty(1, LEG)
     for n in range(first, last):
         f = pieces(forcing, s[n], n)
@@ -160,11 +158,11 @@ def _follow_ground(a, first, last, history, buffers):
         if not slopes:
             continue
         inputs, count = int(s[n].slopes), m.n_legs
-        # Derivatives that do not exist are never written, and must be NaN.
-        table[:] = math.nan
         fill_plants(x[n], min(inputs, STATE), s[n].linear, r)
-        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
-        _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
+        # Derivatives that do not exist are never written, and must be NaN.
+        r.by[:] = np.nan
+        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0)
+        _store_slopes(m, r.by, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
         # The accelerations at the end, where no forcing acts.
         m.n_legs = 0
         record_leg(m, here, f.pieces, s[n].free, 0.0, 4, END)

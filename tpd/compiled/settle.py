@@ -1,6 +1,6 @@
 """Simulation of a run under a harmonic until it repeats, rests or overturns.
 
-The rules are those of `tpd.models.settling`. If a motion approaches its orbit slowly, Newton's method
+The rules are those of `tpd.models.smoothed_orbit`. If a motion approaches its orbit slowly, Newton's method
 computes the orbit (`tpd.compiled.near_orbits`).
 """
 

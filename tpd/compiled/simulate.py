@@ -109,8 +109,6 @@ class Run(NamedTuple):
     """Number of forcing periods in one period of the motion."""
     elapsed: Any
     """Number of forcing periods that were simulated."""
-    memory: Any = None
-    """Internal state of a JAX model that it needs to continue the run."""
     times: Any = None
     """Times of the largest tilt, swing and rod angle, shape (..., 3)."""
     impacts: Any = None

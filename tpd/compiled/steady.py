@@ -1,7 +1,7 @@
 """The steady state of a run: its periodic orbit, the stability of the orbit, and its derivatives.
 
 Newton's method solves for the orbit on the map of the motion's periods (`tpd.compiled.period_map`). The rules
-are those of `tpd.answers.steady_state` and `tpd.models.period_map`, which all other models use. Only this
+are those of `tpd.answers.steady_state` and `tpd.models.smoothed_orbit`, which all other models use. Only this
 module also reduces the period of an orbit to the smallest number of forcing periods after which it closes.
 """
 

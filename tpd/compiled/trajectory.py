@@ -10,7 +10,7 @@ from tpd.compiled import series
 from tpd.compiled.columns import EVENT_BOUND, FAILED, OVERTURNED, ROCKING
 from tpd.compiled.contact import start_mode
 from tpd.compiled.follow import ARRIVED, BEYOND, NOT_FINITE, advance, set_scales
-from tpd.compiled.forcing import FIRST_PIECE, forcing_now, harmonic, span_of
+from tpd.compiled.forcing import FIRST_PIECE, NO, forcing_now, harmonic, span_of
 from tpd.compiled.legs import INPUTS, STATE, carry_through_leg, fill_plants, start_reading, store_state_at
 from tpd.compiled.motion import LEG, LEGS, STOP, is_finite, record_leg, reset_angles, reset_counts
 from tpd.compiled.plant import STEP, compiled
@@ -68,7 +68,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
                 if arrived:
                     legs[count - 1].event = STOP
                 for k in range(count):
-                    carry_through_leg(q, r, f, legs[k], (FIRST_PIECE, _INPUTS), False, m, k, by[n])
+                    carry_through_leg(q, r, f, legs[k], (FIRST_PIECE, _INPUTS), NO, m, k)
             if ended == NOT_FINITE or not is_finite(y):
                 status = FAILED
             elif ended != ARRIVED:

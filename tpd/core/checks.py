@@ -168,7 +168,7 @@ def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "")
         of: the class, or the classes.
         hint: end of the message, such as ": take `scene.parameters()`".
     """
-    if isinstance(value, of):
+    if isinstance(value, of) and not inspect.isclass(value):
         return value
     # Abstract base classes are named without their prefix in the message.
     classes = of if isinstance(of, tuple) else (of,)

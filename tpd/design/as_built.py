@@ -1,7 +1,7 @@
 """The pendulum as built, and further results that a report shows with a design.
 
-The results are loads, quantities to measure on site, the dependence of the benefit on uncertain quantities,
-motions from rest, and responses over frequency.
+The results are loads, quantities to measure on site, the variations of the design, motions from rest, and
+responses over frequency.
 """
 
 from __future__ import annotations
@@ -15,51 +15,27 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.answers.motion_history import motion_history, needed_friction
-from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.run_table import cases_of
-from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import FirstGuess, follow_guess
-from tpd.design.problem import Problem, Variation
-from tpd.design.reasons import VALIDATED
-from tpd.design.transfer import Transfer, transfer_of
-from tpd.design.wider_base import WiderBase, Worth, wider_bases, worth_of
+from tpd.design.variations import Dependence, EquivalentWidening, dependences, equivalent_widening
 from tpd.limits import bob_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
-from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
+from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import STANDING, Status, is_one_of
-from tpd.theory.equations import Terms
-from tpd.theory.free_rocking import equivalent_friction, turning_tilts
+from tpd.theory.free_rocking import turning_tilts
 
 _BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, as factors on the frequency of the scene."""
-_VARIED = {
-    "impact_loss": 0.5,
-    "friction": 0.5,
-    "slenderness": 0.05,
-    "amplitude": 0.1,
-    "frequency": 0.05,
-    "mass": 0.05,
-    "length": 0.05,
-    "damping": 0.4,
-}
-"""Shares by which each quantity is varied. The loss of an impact is 1 - e."""
-NARROW = 0.9
-"""Share of its base on which the block rocks in the comparison with a narrower base."""
-_DRAWN, _FOLLOWED, _SAMPLES = 24, 100, 60
+_PERIODS, _MOST_PERIODS, _SAMPLES = 24, 100, 60
 """Forcing periods of a time history if the block does not overturn; largest number of periods, as in a
 validation run; and points in a period."""
-_EQUIVALENT_TILT = 1.0 / 3.0
-"""Tilt over nu at which an equivalent friction and impacts lose the same energy."""
-_SEED = 3
-"""Number of the seed of the comparisons; trials and validation have smaller numbers."""
 YIELD = 235e6
 """Yield stress of structural steel S235, Pa (EN 10025-2, up to 16 mm thick)."""
 SAFETY = 3.0
@@ -69,7 +45,7 @@ ARM, _PLACE, STOPPING = 0.25, 3.0, 0.1
 """Three ratios: the arm of the linear damper over the length of the rod; the smallest distance between axis
 and wall over half the stroke of the damper, so that a damper as long as its stroke fits in; and the stopping
 distance of a stop over the free distance of the bob."""
-_PULLED, _HALF, _MOST = 0.1, 0.5, 400
+_PULL, _HALF, _MOST = 0.1, 0.5, 400
 """Tilt of a pull test over the toppling tilt, share of this tilt at which counting ends, and largest number
 of impacts."""
 
@@ -149,36 +125,6 @@ class PullTest(NamedTuple):
     takes too many impacts, or if friction holds the block."""
     seconds: float
     """Time until then, s."""
-
-
-class Sensitivity(NamedTuple):
-    """Benefit if one quantity differs from its stated value, by paired runs of the linear model."""
-
-    name: str
-    """Name in `tpd.scene.conditions.FACTORS`, or "impact_loss" for 1 - e; empty for the stated values."""
-    width: float
-    """Share by which the quantity is decreased and increased."""
-    low: Interval
-    """Reduction of the mean tilt if the quantity is smaller by this share."""
-    high: Interval
-    """Reduction of the mean tilt if the quantity is larger by this share."""
-
-
-class LossCase(NamedTuple):
-    """Paired runs in which the block loses its energy in another way, by the linear model."""
-
-    name: str
-    """"friction", "impacts" or "friction and impacts"."""
-    friction: float
-    """Friction k."""
-    velocity_ratio: float
-    """Coefficient of restitution e at an impact, without a pendulum."""
-    runs: PairedRuns
-    """Runs with and without the pendulum."""
-    measure: str
-    """Measure that decides, "overturning" or "tilt"."""
-    difference: Interval
-    """Reduction of this measure minus the reduction with the stated losses, in the same runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,41 +210,29 @@ class Details(Printed):
 
     build: Build | None = None
     """Pendulum as built; None if no pendulum is recommended."""
-    sensitivity: tuple[Sensitivity, ...] = ()
-    """Benefit if one quantity differs from its stated value."""
-    losses: tuple[LossCase, ...] = ()
-    """Benefit if the block loses its energy in another way."""
-    bases: tuple[PairedRuns, ...] = ()
-    """Linear runs of the block on its whole base, and on 90 % of it."""
+    variations: tuple[Dependence, ...] = ()
+    """Benefit under each variation, the stated design first. Without a recommended pendulum there are only
+    wider bases."""
     histories: tuple[TimeHistory, ...] = ()
     """Motions from rest under harmonic excitation, without and with the pendulum."""
     responses: tuple[Response, ...] = ()
     """Steady-state response over frequency after a start from rest, without a pendulum and with the
     recommended one. It is computed only if the conditions differ in the excitation alone."""
-    lower_hinge: PairedRuns | None = None
-    """Paired runs with the hinge at mid-height. The value is None if the hinge is not above that height, or
-    if the rod is longer."""
-    wider_bases: tuple[WiderBase, ...] = ()
-    """The block without a pendulum on wider bases; empty if there are no validation runs."""
     first_guess: FirstGuess | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
-    worth: Worth | None = None
+    worth: EquivalentWidening | None = None
     """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
-    transfer: tuple[Transfer, ...] | str = ()
-    """Shares that overturn under the other sets of records, or a sentence why they are unknown."""
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
 
+    def of(self, *kinds: str) -> tuple[Dependence, ...]:
+        """Return the variations of these kinds."""
+        return tuple(row for row in self.variations if row.kind in kinds)
+
     def __str__(self) -> str:
         rows = [] if self.build is None else [("build", f"{self.build.bob}, {number(self.build.mass)} kg")]
-        # Both ends of the first sensitivity, which has no name, are the benefit with the stated values.
-        falls = {s.name or "as stated": (s.low.mean, s.high.mean) for s in self.sensitivity}
-        falls |= {f"losses by {case.name}": (case.runs.benefit.mean,) for case in self.losses}
-        for name, shares in falls.items():
-            listed = " or ".join(dict.fromkeys(f"{number(100.0 * x, 3)} %" for x in shares))
-            rows.append((name, f"reduction of the mean tilt {listed}"))
-        counts = {name: len(getattr(self, name)) for name in ("histories", "responses", "front")}
-        rows += [(name, f"{count} results") for name, count in counts.items() if count]
+        names = "variations", "histories", "responses", "front"
+        rows += [(name, f"{count} results") for name in names if (count := len(getattr(self, name)))]
         return "\n".join(["Details of a design", *(f"  {name:32}{text}" for name, text in rows)])
 
 
@@ -324,19 +258,13 @@ def details(
         >>> tpd.details(design).build is None
         True
     """
-    problem, pendulum, runs, best = design.problem, design.pendulum, design.runs, design.best
-    measure = best.measure if best and pendulum else ""
-    bases = wider_bases(problem, runs, measure, progress) if runs else ()
+    problem, pendulum, runs = design.problem, design.pendulum, design.runs
+    rows = dependences(problem, design.best, progress)
     out = Details(
         build=build_of(design),
-        sensitivity=sensitivity_of(design, progress),
-        losses=losses_of(design, progress),
-        bases=bases_of(design),
-        lower_hinge=lower_hinge_of(design),
-        wider_bases=bases,
+        variations=rows,
         first_guess=follow_guess(problem, runs) if runs else None,
-        worth=worth_of(runs, measure, bases) if runs else None,
-        transfer=transfer_of(problem, pendulum, progress) if pendulum and design.status in VALIDATED else (),
+        worth=equivalent_widening(design.best, rows),
         front=front,
     )
     scene = design.scene
@@ -356,10 +284,10 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 
     They last 24 periods. If the block overturns later, within 100 periods, they last until it has overturned.
     """
-    out, last = [], _DRAWN * _SAMPLES
+    out, last = [], _PERIODS * _SAMPLES
     for case in cases_of(pendulum):
         p = as_arrays(scene.parameters(case))
-        tau = sampled(p, _FOLLOWED, _SAMPLES)
+        tau = sampled(p, _MOST_PERIODS, _SAMPLES)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
         columns = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
@@ -455,115 +383,6 @@ def parts_of(build: Build, inertia: float) -> Parts:
     )
 
 
-def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sensitivity, ...]:
-    """Return how the benefit depends on uncertain quantities; empty if no pendulum is recommended.
-
-    One quantity is varied at a time, with the same runs of the linear model.
-    """
-    if design.pendulum is None:
-        return ()
-    scene, block = design.scene, design.scene.block
-    present = {"impact_loss": float(block.velocity_ratio) != 1.0, "friction": block.friction}
-    names = [name for name in _VARIED if present.get(name, True)]
-    # The reference is the same runs with stated values. They are fewer than the validation runs, so
-    # their benefit differs.
-    reference = _compare(design).benefit
-    out = [Sensitivity("", 0.0, reference, reference)]
-    for done, name in enumerate(names):
-        progress("sensitivity", done, len(names))
-        width = _VARIED[name]
-        low, high = (_compare(design, *_vary(scene, name, sign * width)) for sign in (-1.0, 1.0))
-        out.append(Sensitivity(name, width, low.benefit, high.benefit))
-    progress("sensitivity", len(names), len(names))
-    return tuple(out)
-
-
-def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase, ...]:
-    """Return paired runs of a block that loses energy by friction only, by impacts only, and by both.
-
-    The case that equals the stated block is left out. The result is empty if no pendulum is recommended.
-    """
-    if design.pendulum is None or design.best is None:
-        return ()
-    # A rate is compared by the share of the runs that overturn, because these runs have one level each.
-    measure = "tilt" if design.best.measure == "tilt" else "overturning"
-    models = {name: b for name, b in loss_models(design.scene).items() if b != design.scene.block}
-    out, stated = [], _compare(design)
-    for done, (name, block) in enumerate(models.items()):
-        progress("other energy losses", done, len(models))
-        runs = _compare(design, replace(design.scene, block=block))
-        losses = float(block.friction), float(block.velocity_ratio)
-        out.append(LossCase(name, *losses, runs, measure, runs.reduction_minus(stated, measure)))
-    return tuple(out)
-
-
-def bases_of(design: Design) -> tuple[PairedRuns, ...]:
-    """Return paired runs of the block on its whole base and on 90 % of it; none without a pendulum.
-
-    nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
-    """
-    if design.pendulum is None:
-        return ()
-    return tuple(_compare(design, None, Conditions({"slenderness": np.array([x])})) for x in (1.0, NARROW))
-
-
-def lower_hinge_of(design: Design) -> PairedRuns | None:
-    """Return paired runs with the hinge at mid-height, see `Details.lower_hinge`."""
-    block, pendulum, problem = design.scene.block, design.pendulum, design.problem
-    middle = float(block.half_height)
-    if pendulum is None or not pendulum.length <= middle < pendulum.hinge_in(block):
-        return None
-    # Only the height changes: the design keeps its rod, its damping ratio and its runs.
-    space = problem.space.with_ratios(hinge_height=middle)
-    return _compare(design, problem=replace(problem, space=space))
-
-
-def _compare(
-    design: Design,
-    scene: Scene | None = None,
-    more: Conditions | None = None,
-    problem: Problem | None = None,
-) -> PairedRuns:
-    """Return paired runs of the linear model in a changed scene or problem, or under a further
-    condition."""
-    problem, pendulum = problem or design.problem, design.pendulum
-    assert pendulum is not None
-    varied = Variation(Terms.linear.value, scene, more)
-    return problem.paired_runs(problem.ratios(pendulum), problem.run_seed(_SEED), varied)
-
-
-def loss_models(scene: Scene) -> dict[str, Block]:
-    """Return the block with the losses of friction, of impacts, and of both.
-
-    The block keeps its own losses where it has them. Otherwise the friction is one that loses as much energy
-    as the impacts, and the impacts are Housner's.
-    """
-    block = scene.block
-    # The losses are those of the block without a pendulum and do not depend on the excitation, so any
-    # harmonic serves.
-    p = Scene(block, paper_scene().excitation, scene.gravity).parameters()
-    e = float(block.velocity_ratio)
-    k = float(block.friction)
-    # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.
-    impacts = HOUSNER if e == 1.0 else block.restitution
-    friction = k or float(equivalent_friction(p, _EQUIVALENT_TILT * float(p.nu))) if e < 1.0 else k
-    return {
-        "friction": replace(block, friction=friction, restitution=1.0),
-        "impacts": replace(block, friction=0.0, restitution=impacts),
-        "friction and impacts": replace(block, friction=friction, restitution=impacts),
-    }
-
-
-def _vary(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
-    """Return the scene or the further condition in which a quantity differs by a share."""
-    if name != "impact_loss":
-        return None, Conditions({name: np.array([1.0 + share])})
-    # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss 1 - e of the
-    # block instead, and fix the resulting e.
-    e = 1.0 - (1.0 - float(scene.block.velocity_ratio)) * (1.0 + share)
-    return replace(scene, block=replace(scene.block, restitution=max(e, 0.0))), None
-
-
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     """Return the largest loads over the motions in which the block stands; None if it stands in no motion."""
     histories = [motion_history(scene, pendulum) for scene in scenes]
@@ -596,7 +415,7 @@ def pull_test(scene: Scene) -> PullTest:
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction)
     # If friction holds the block at this tilt, the test gives no impacts.
-    tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
+    tilt, rate, impacts = _PULL * nu, float(scene.rate), 0
     taus = np.zeros(1)
     if tilt < nu - k:
         turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)

@@ -154,7 +154,7 @@ def assess(
         >>> import tpd
         >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0)
         >>> assessment = tpd.assess(tpd.Scene(statue, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
-        >>> round(assessment.at_rest.margin, 1)
+        >>> round(assessment.at_rest.safety_factor, 1)
         5.7
     """
     problem = problem_alone(scene, conditions=conditions, **settings)
@@ -198,5 +198,5 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
         equations=Terms.nonlinear,
         progress=partial(progress, "stated block"),
     ).reshape(len(motions))
-    runs = problem.validation_runs(None, seed, partial(progress, "runs without a pendulum"))
+    runs = problem.validation_runs(None, seed, progress=partial(progress, "runs without a pendulum"))
     return Assessment(problem=problem, stated=replace(stated, cluster=problem.earthquakes), runs=runs)

@@ -25,7 +25,7 @@ from tpd.design.trials import Trials
 from tpd.limits import STILL
 from tpd.theory.equations import Terms
 
-_SPREAD, _DRAWN = 24, 512
+_SPREAD, _DRAWS = 24, 512
 """Number of designs all over the space with cheap runs, and number of drawn designs from which they come."""
 _CHEAP = 0.98
 """Share of the cheap runs whose quantities stay below the one that counts. A larger one would need more
@@ -34,17 +34,17 @@ _PRIOR = PowerLaw(np.zeros(4), np.diag([1.0, 0.5, 0.5, 0.5]) ** 2)
 """Power law of a factor before any run: a factor of one is likely, and its exponents are moderate."""
 _ROUGH, _FINE = 0.15, 0.01
 """Standard deviations of the logarithm of a factor in cheap and in accurate runs."""
-_KEPT = 0.001
+_TOLERANCE = 0.001
 """Logarithm of a limited quantity over its limit in accurate runs that still keeps the limit."""
-_NEAR = 0.05
+_MOST_EXCESS = 0.05
 """Largest logarithm of a limited quantity over its limit with which a design is still validated."""
-_CLOSE = 0.02
+_LEAST_DISTANCE = 0.02
 """Distance from the limits, in the logarithm, below which no further correction is worth its time."""
 _SAME = 1e-3
 """Largest distance of equal designs, in shares of the bounds."""
 _HALF_A_POINT = 0.005
 """Difference of the measure between designs that perform equally well."""
-_CONTINUED = 2
+_CONTINUATIONS = 2
 """Number of descents that continue after a correction, and of screened designs that join them."""
 _FEWEST = 4
 """Smallest number of surviving runs for a limited quantity, and of designs for a line through values."""
@@ -72,14 +72,14 @@ class Corrections:
     """Designs (mu, lam, zeta) with runs, each (3,): first those with cheap runs, then the corrections."""
     runs: list[Runs] = field(default_factory=list)
     """Runs of each of these designs."""
-    margin: dict[str, float] = field(default_factory=dict)
+    allowance: dict[str, float] = field(default_factory=dict)
     """Amounts by which logarithms of limited quantities must stay further below zero, by name, after a
     validation has shown that a design exceeds the limit."""
 
     def __post_init__(self) -> None:
         problem, seed = self.problem, self.problem.run_seed(1, 0)
         self.without = problem.trial_runs(None, seed)
-        drawn = problem.space.sample(np.random.default_rng([problem.seed, 9]), _DRAWN)
+        drawn = problem.space.sample(np.random.default_rng([problem.seed, 9]), _DRAWS)
         # Designs that exceed a limit even at rest or on their orbit come last.
         drawn = drawn[np.argsort(~problem.possible(drawn), kind="stable")[:_SPREAD]]
         # The first guess is often near the best design.
@@ -123,14 +123,14 @@ class Corrections:
 
     def _sizes(self, i: int, runs: Runs | None = None) -> dict[str, float]:
         """Return the logarithm of every limited quantity over its limit that enough of the runs of a design
-        keep, plus the margin of the limit, by name; NaN if the block survives in too few runs."""
+        keep, plus the allowance of the limit, by name; NaN if the block survives in too few runs."""
         share, out = _CHEAP if i < self.cheap else self.problem.safe_level, {}
         for name, x in self.problem.sizes_in_runs(self.designs[i], runs or self.runs[i]).items():
             if name not in STILL:
                 # An unknown quantity counts as far beyond its limit.
                 x = np.nan_to_num(x, nan=_UNKNOWN, posinf=_UNKNOWN)
                 size = np.quantile(x, share) if len(x) >= _FEWEST else np.nan
-                out[name] = float(np.log(np.maximum(size, _LEAST))) + self.margin.get(name, 0.0)
+                out[name] = float(np.log(np.maximum(size, _LEAST))) + self.allowance.get(name, 0.0)
         return out
 
     def _excess(self, i: int) -> float:
@@ -157,17 +157,17 @@ class Corrections:
             # Nothing can be learnt without a limit, from runs in which the block does not survive, or from
             # the same design again.
             is_stuck = before is not None and np.abs(x[0] - before).max() < _SAME
-            if -_CLOSE <= excess <= _KEPT or is_stuck or np.isinf(excess):
+            if -_LEAST_DISTANCE <= excess <= _TOLERANCE or is_stuck or np.isinf(excess):
                 break
             before = x[0]
         excess = {i: self._excess(i) for i in range(begun, len(self.designs))}
-        kept = np.array([self.designs[i] for i, x in excess.items() if x <= _KEPT])
+        kept = np.array([self.designs[i] for i, x in excess.items() if x <= _TOLERANCE])
         # Among designs that keep the limits the objective decides, and not the share of few runs.
         if len(kept):
             return kept[np.argmin(self.orbits.value(self.orbits.evaluate(kept)))]
         nearest = min(excess, key=lambda i: excess[i])
         # A design that exceeds a limit by more is no pendulum that the validation should call a danger.
-        return self.designs[nearest] if excess[nearest] <= _NEAR else None
+        return self.designs[nearest] if excess[nearest] <= _MOST_EXCESS else None
 
     def _continue(self, x: np.ndarray) -> np.ndarray:
         """Return the ends of descents that continue from designs in shares of the bounds, (m, d), under
@@ -177,8 +177,8 @@ class Corrections:
         """
         orbits = self._corrected(self.searched)
         units = orbits.space.scaled(self._search.screened)
-        others = best_apart(units, merit_of(orbits.at(units), orbits.risk.of), _CONTINUED)
-        x = np.concatenate([x[:_CONTINUED], units[others]])
+        others = best_apart(units, merit_of(orbits.at(units), orbits.risk.of), _CONTINUATIONS)
+        x = np.concatenate([x[:_CONTINUATIONS], units[others]])
         # The limits have moved only a little, so the last steps on exact orbits suffice.
         ends = polish(orbits, x, orbits.at(x), self.method.steps + self.method.polish)
         return ends.x[np.argsort(ends.merit, kind="stable")]
@@ -189,10 +189,10 @@ class Corrections:
         # The best of several designs need not be the last one.
         i = max(i for i, x in enumerate(self.designs) if np.array_equal(x, design))
         for name, size in self._sizes(i, runs).items():
-            before = self.margin.get(name, 0.0)
+            before = self.allowance.get(name, 0.0)
             # The whole excess counts: another rejection would cost more than a design further inside.
             if size > before:
-                self.margin[name] = size
+                self.allowance[name] = size
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that are expected to perform as well as one
@@ -220,14 +220,10 @@ class Corrections:
         near = np.clip(at + 0.25 * rng.normal(size=(_NEIGHBOURS, len(low))), low, high)
         x = np.concatenate([design[None], problem.space.unscaled((near - low) / (high - low))])
         e = orbits.evaluate(x)
-        keeps = np.all(orbits.constraints(e)[0] <= _CLOSE, axis=1)
+        keeps = np.all(orbits.constraints(e)[0] <= _LEAST_DISTANCE, axis=1)
         good = keeps & (orbits.value(e) <= orbits.value(e)[0] + _HALF_A_POINT / steepness)
         good[0] = True
         return np.stack([x[good].min(axis=0), x[good].max(axis=0)])
-
-    def wider_bounds(self, design: np.ndarray) -> tuple[()]:
-        """Return nothing: the gradient at a bound shows its effect."""
-        return ()
 
     def promises(self, share: float) -> bool:
         """Return whether another design can be expected to have enough benefit: yes if there is one."""
@@ -245,7 +241,7 @@ class Corrections:
         value = np.array([problem.value_of(runs) for runs in self.runs])
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         overturned, unanswered, runs = np.array(counts, dtype=float).T
-        feasible = np.all(sizes <= 1.0 + _KEPT, axis=1)
+        feasible = np.all(sizes <= 1.0 + _TOLERANCE, axis=1)
         # The last correction is the best estimate, so it comes first among those that keep the limits.
         order = np.lexsort((np.arange(len(designs))[::-1], ~feasible))
         return Trials(

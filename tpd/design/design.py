@@ -15,11 +15,10 @@ from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed, number
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, REJECTED, VALIDATED, DesignStatus, reduction
-from tpd.design.refine import WiderBound
 from tpd.design.search import Search
 from tpd.design.space import DesignSpace
 from tpd.design.trials import Trials
-from tpd.design.validate import Validated
+from tpd.design.validate import Validation
 from tpd.limits import LABELS, STILL, stroke_limit
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
@@ -50,7 +49,7 @@ class Design(Printed):
     """Block, excitation, design space, limits and all other inputs."""
     status: DesignStatus
     """Verdict on the design."""
-    validated: tuple[Validated, ...] = ()
+    validated: tuple[Validation, ...] = ()
     """Designs that were validated, in order. The last one is recommended if there is no reason against it."""
     trials: Trials | None = None
     """Designs that were evaluated by trial runs; None if no pendulum is needed."""
@@ -59,8 +58,6 @@ class Design(Printed):
     equivalent: np.ndarray | None = None
     """Smallest and largest (mu, lam, zeta), shape (2, 3), of the designs that perform equally well within the
     accuracy of the trial runs; None if this is not known."""
-    wider_bounds: tuple[WiderBound, ...] = ()
-    """Effects of wider bounds of the design space, for the bounds that the recommended design lies on."""
 
     @property
     def scene(self) -> Scene:
@@ -88,7 +85,7 @@ class Design(Printed):
         return self.validated[-1].pendulum if self.status in OFFERED else None
 
     @cached_property
-    def best(self) -> Validated | None:
+    def best(self) -> Validation | None:
         """Best validated design, or None if no design was validated.
 
         This is the recommended design. If none is recommended, it is the design whose shortfalls have the
@@ -96,7 +93,7 @@ class Design(Printed):
         """
 
         # The largest benefit alone would often select a bob that touches the walls in every run.
-        def rank(v: Validated) -> tuple[bool, float]:
+        def rank(v: Validation) -> tuple[bool, float]:
             return v.runs is None, sum((reason.shortfall for reason in v.reasons), 0.0)
 
         # Validation ends with the first design that passes, which is therefore the last one.
@@ -201,9 +198,8 @@ class Design(Printed):
         beyond these bounds."""
         if self.nearest is None:
             return []
-        effect = {wider.column: f" ({wider})" for wider in self.wider_bounds}
         return [
-            f"{('lower', 'upper')[side]} search bound of the {self._word(i, side)}{effect.get(i, '')}"
+            f"{('lower', 'upper')[side]} search bound of the {self._word(i, side)}"
             for i, side in self.space.bounds_at(self.nearest).items()
         ]
 

@@ -11,7 +11,6 @@ import enum
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain, compress
 from typing import Any, ClassVar
 
@@ -19,13 +18,12 @@ import numpy as np
 
 from tpd.answers.annual_rates import AnnualRates, rates_of_outcomes
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, follow_runs, forcing_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import NU, F, K
 from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
-from tpd.core.progress import Progress, unreported
+from tpd.core.progress import Progress
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.refine import Refinement, refine
@@ -40,13 +38,11 @@ from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, eart
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
-from tpd.scene.scene import HOUSNER, STANDARD_GRAVITY, Block, Scene
+from tpd.scene.scene import NO_PENDULUM, STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 from tpd.theory.relative_length import relative_length
 
-_MASSLESS = np.array([0.0, 1.0, 0.3])
-"""Design with a bob without mass, which does not act on the block."""
 _LEAST_FOR_HALVES = 80
 """Smallest number of validation earthquakes of which one half decides and the other half is quoted. If half
 of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt by 16 %, and 68 % if all
@@ -200,8 +196,8 @@ class GroundMotionProblem(Problem):
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
     @property
-    def evidence(self) -> DesignStatus:  # type: ignore[override]
-        """See `Problem.evidence`."""
+    def passing_status(self) -> DesignStatus:  # type: ignore[override]
+        """See `Problem.passing_status`."""
         tuned, others = map(self._earthquakes, Role)
         if not others:
             return DesignStatus.tuned_only
@@ -223,7 +219,7 @@ class GroundMotionProblem(Problem):
         # the amplitude are additional conditions.
         cases = [self._every_motion(), *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
-        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case) for case in cases])
+        rows = np.concatenate([self._rows(None, self.scene, case) for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
 
     @property
@@ -269,7 +265,7 @@ class GroundMotionProblem(Problem):
         least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
         repeats = -(-least // len(self.conditions)) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
-        return self._simulate(design, self.scene, some, equations)
+        return self._simulate(design, some, Variation(equations=equations))
 
     @property
     def rule_lengths(self) -> tuple[float, float]:
@@ -285,20 +281,26 @@ class GroundMotionProblem(Problem):
         """See `Problem.rule_swing`."""
         return usual_stroke(self.limits)
 
-    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
-        """See `Problem.validation_runs`."""
-        every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
-        runs = self._simulate(design, self.scene, every, equations, seed, progress)
+    def validation_runs(
+        self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
+    ) -> Runs:
+        """See `Problem.validation_runs`. The runs are every motion of every group at every scale."""
+        scatter = self.scatter
+        if varied.fixes_restitution:
+            scatter.pop("restitution", None)
+        conditions = self._every_motion(scatter, seed) * varied.more
+        runs = self._simulate(design, conditions, varied, seed=seed, progress=progress)
         return replace(runs, cluster=self.earthquakes)
 
-    def with_block(self, block: Block) -> GroundMotionProblem:
-        """See `Problem.with_block`. The levels change if their intensity depends on the block."""
-        scene, of = replace(self.scene, block=block), self.conditions
-        # Every motion has the same ratio, because only the block differs.
-        before, after = (motion_factors(x, of)[0] for x in (self.scene, scene))
-        factors = {**of.factors, "amplitude": of.column("amplitude") * before / after}
-        scales = tuple(scale * before / after for scale in of.scales)
-        return replace(self, scene=scene, conditions=replace(of, factors=factors, scales=scales))
+    def _groups_of(self, runs: Runs) -> dict[str, Any]:
+        """Return the group of motions of each run, and whether the benefit counts it: it counts only the
+        motions that are kept for the validation, if there are any."""
+        # Every motion of a group has one run per scale.
+        sizes = [len(g.motions) * len(self._scales) for g in self.groups]
+        group = np.repeat(np.arange(len(self.groups)), sizes)
+        counted = np.array([g.role is Role.validation for g in self.groups])[group]
+        labels = tuple(g.name for g in self.groups)
+        return {"group": group, "labels": labels, "counted": counted if counted.any() else None}
 
     @property
     def _scales(self) -> list[float]:
@@ -356,46 +358,9 @@ class GroundMotionProblem(Problem):
         motions, of = [m for g in self.groups for m in g.motions], self.conditions.intensity
         return Conditions.records(motions, self._scales, intensity=of, scatter=scatter, seed=seed)
 
-    def paired_runs(
-        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
-    ) -> PairedRuns:
-        """See `Problem.paired_runs`.
-
-        The runs are every motion of every group at every scale, with the same varied blocks in both cases.
-        The benefit counts only the motions that are kept for the validation, if there are any.
-        """
-        equations, scene, more = varied.equations, varied.scene or self.scene, varied.more
-        scatter = self.scatter
-        if scene is not self.scene and scene.block.restitution != HOUSNER:
-            # If the scene has another restitution, the restitution must not vary in addition. Housner's e of
-            # another shape varies as that of the stated block.
-            scatter.pop("restitution", None)
-        conditions = self._every_motion(scatter, seed)
-        conditions = conditions if more is None else conditions * more
-        # Both cases use the same seed and conditions, so that the runs are paired.
-        cases = []
-        for name, pendulum in (("with the pendulum", design), ("without", None)):
-            after = partial(progress, f"validation runs {name}")
-            runs = self._simulate(pendulum, scene, conditions, equations, seed, after)
-            cases.append(replace(runs, cluster=self.earthquakes))
-        # Every motion of a group has one run per scale.
-        sizes = [len(g.motions) * len(self._scales) for g in self.groups]
-        is_validation = np.array([g.role is Role.validation for g in self.groups])
-        group = np.repeat(np.arange(len(self.groups)), sizes)
-        return PairedRuns(
-            with_pendulum=cases[0],
-            without_pendulum=cases[1],
-            group=group,
-            labels=tuple(g.name for g in self.groups),
-            cluster=self.earthquakes,
-            counted=is_validation[group] if is_validation.any() else None,
-            worse=self.requirements.worse,
-            annual=lambda runs: self.annual_rates((runs.without_pendulum, runs.with_pendulum), runs.counted),
-        )
-
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
-        runs = self._simulate(design, self.scene, self.conditions, Terms.linear.value)
+        runs = self._simulate(design, self.conditions, Variation(equations=Terms.linear.value))
         # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
@@ -403,35 +368,27 @@ class GroundMotionProblem(Problem):
         return [motions[i] for i in strongest]
 
     def _simulate(
-        self,
-        design: np.ndarray | None,
-        scene: Scene,
-        conditions: Conditions,
-        equations: str,
-        seed: int = 0,
-        progress: Any = None,
+        self, design: np.ndarray | None, conditions: Conditions, varied: Variation, **how: Any
     ) -> Runs:
         """Simulate a design from rest through the motions of all conditions, and the free motion
         afterwards."""
-        most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
-        # Without a pendulum use a bob without mass. It does not act on the block, whose properties vary as in
-        # the runs with the pendulum.
-        rows = self._rows(_MASSLESS if design is None else design, scene, conditions)
-        condition = np.asarray(conditions.which)
+        most = MAX_EVENTS if varied.equations == Terms.nonlinear.value else _EVENTS
+        scene, condition = varied.scene or self.scene, np.asarray(conditions.which)
         forcing = forcing_of(conditions.motions, FREE * float(scene.rate), condition)
-        return follow_runs(
-            Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
-        )
+        how |= {"events": most, "condition": condition}
+        return follow_runs(Terms(varied.equations), self._rows(design, scene, conditions), forcing, **how)
 
-    def _rows(self, design: np.ndarray, scene: Scene, conditions: Conditions) -> np.ndarray:
+    def _rows(self, design: np.ndarray | None, scene: Scene, conditions: Conditions) -> np.ndarray:
         """Return the parameters of a design under all conditions as rows (n, 10) of compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
-        factor = motion_factors(scene, conditions)
+        # Another block has the same motions as the stated one.
+        factor = motion_factors(self.scene, conditions)
         unit = Scene(scene.block, _UNIT, scene.gravity)
         # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}
         p = replace(unit.ground_parameters(), kappa=self.hinge_ratio)
-        q = under_all(p, design[None], replace(conditions, factors=factors))
+        row = np.array([NO_PENDULUM if design is None else design])
+        q = under_all(p, row, replace(conditions, factors=factors))
         # The parameters were computed for a peak of 1 m/s^2: scale f by the peaks, and the pieces by their
         # durations.
         f = np.array([float(x.pga) for x in motions])

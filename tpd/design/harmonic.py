@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,14 +12,13 @@ import numpy as np
 from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.compare_models import Check, check
 from tpd.answers.ensemble import Ensemble, outcomes
-from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.run_table import Runs
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import number, percent
-from tpd.core.progress import Progress, unreported
+from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
@@ -43,18 +42,18 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene
+from tpd.scene.scene import NO_PENDULUM, Block, Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
 
 TRIAL_RUNS, _MORE_RUNS, TRIAL_PERIODS = 96, 1024, 50
 """Numbers of runs of a trial and of a comparison, and largest number of forcing periods of each run."""
-_COMPARED = 256
+_COMPARISON_RUNS = 256
 """Number of paired runs of the linear equations for comparisons with changed scenes."""
 _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
-_SEARCHED = 64
+_SEARCH_CONDITIONS = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
@@ -156,8 +155,8 @@ class HarmonicProblem(Problem):
         return self.starts.kind is StartKind.rest
 
     @property
-    def _massless(self) -> Parameters:
-        """Parameters of the block with a bob of no mass at the hinge of the designs."""
+    def _parameters(self) -> Parameters:
+        """Parameters of the block without a pendulum, with the hinge of the designs."""
         return as_arrays(replace(self.scene.parameters(), kappa=self.hinge_ratio))
 
     @cached_property
@@ -169,7 +168,7 @@ class HarmonicProblem(Problem):
         """
         # Housner's coefficient of restitution is smallest for the heaviest bob, so check that end of the
         # space.
-        heaviest = under_all(self._massless, self.space.ends[1:], self.conditions)
+        heaviest = under_all(self._parameters, self.space.ends[1:], self.conditions)
         # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
         is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH)
         named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if is_smooth else Piecewise()}
@@ -218,7 +217,7 @@ class HarmonicProblem(Problem):
     @cached_property
     def orbits(self) -> Orbits:
         """Symmetric orbits of designs under all conditions."""
-        common = self._massless, self.conditions, self.space, self.risk, self.limits
+        common = self._parameters, self.conditions, self.space, self.risk, self.limits
         orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
         # Limits that compare with the block without a pendulum need its tilts.
         return orbits.compared_without_pendulum()
@@ -307,7 +306,7 @@ class HarmonicProblem(Problem):
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
-        q = under_all(as_arrays(self.scene.parameters()), self.orbits.massless, self.conditions)
+        q = under_all(self._parameters, np.array([NO_PENDULUM]), self.conditions)
         return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
     @property
@@ -318,7 +317,7 @@ class HarmonicProblem(Problem):
     @cached_property
     def searched(self) -> Orbits:
         """Symmetric orbits under the conditions of the descents."""
-        return replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
+        return replace(self, conditions=self.conditions.subset(_SEARCH_CONDITIONS, self.seed)).orbits
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Corrections:
         """See `Problem.improver`."""
@@ -377,45 +376,31 @@ class HarmonicProblem(Problem):
         """See `Problem.rule_swing`."""
         return 0.0
 
-    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
+    def validation_runs(
+        self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
+    ) -> Runs:
         """See `Problem.validation_runs`."""
         # One half of the validation runs decides and the other half is reported, so each call simulates one
         # half.
-        half = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
-        settings: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
+        runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
+        if varied.equations == Terms.linear.value:
+            runs = self._short(min(_COMPARISON_RUNS, self.ensemble.size), seed)
+        runs = replace(runs, restitution=0.0) if varied.fixes_restitution else runs
         pendulum = None if design is None else self.pendulum(design)
-        return outcomes(self.scene, pendulum, ensemble=half, conditions=self.conditions, **settings)
+        how: dict[str, Any] = {"equations": varied.equations, "rtol": _RTOL, "progress": progress}
+        how |= {"ensemble": runs, "conditions": self.conditions * varied.more}
+        return outcomes(varied.scene or self.scene, pendulum, **how)
 
-    def paired_runs(
-        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
-    ) -> PairedRuns:
-        """See `Problem.paired_runs`."""
-        equations, scene, more = varied
-        if equations == Terms.linear.value:
-            runs = self._short(min(_COMPARED, self.ensemble.size), seed)
-        else:
-            runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
-        if scene is not None and scene.block.restitution != HOUSNER:
-            # If the scene has another restitution, the restitution must not vary in addition. Housner's e of
-            # another shape varies as that of the stated block.
-            runs = replace(runs, restitution=0.0)
-        conditions = self.conditions if more is None else self.conditions * more
-        pairs = paired_runs(
-            self.scene if scene is None else scene,
-            self.pendulum(design),
-            ensemble=runs,
-            conditions=conditions,
-            equations=equations,
-            rtol=_RTOL,
-            progress=partial(progress, "paired runs"),
-        )
-        return replace(pairs, worse=self.requirements.worse)
+    def _groups_of(self, runs: Runs) -> dict[str, Any]:
+        """Return the condition of each run."""
+        labels = tuple(map(self.conditions.label, range(len(self.conditions))))
+        return {"group": runs.condition, "labels": labels}
 
     def exact(self, design: np.ndarray | None) -> ExactMotions:
         """Return the exact motions of a design under all conditions; None for the design means no
         pendulum."""
         orbits = self.orbits
-        row = orbits.massless if design is None else design[None]
+        row = np.array([NO_PENDULUM if design is None else design])
         e, q = orbits.evaluate(row), under_all(orbits.p, row, self.conditions)
         run = follow(Terms.linear, row_of(q), HarmonicForcing())
         # Runs from rest by the exact solution, for comparison with the orbits in closed form.

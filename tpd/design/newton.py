@@ -24,13 +24,13 @@ PENALTY = 10.0
 """Weight C of a violated constraint. The penalty is exact as long as no multiplier exceeds C."""
 WIDE, NARROW = (1e-2, 1e-4), (1e-3, 1e-5)
 """First and last width of the smoothing, in units of the functions: far from the optimum, and near it."""
-_DONE = 0.75
+_LAST_SHARE = 0.75
 """Share of the steps after which the width is the last one."""
 _LONGEST = 0.25
 """Longest step along any coordinate, in shares of the bounds."""
-_EASED, _RAISED, _DAMPING = 0.3, 5.0, (1e-4, 1e6)
+_DECREASE, _INCREASE, _DAMPING = 0.3, 5.0, (1e-4, 1e6)
 """Factors on the damping after a step that lowers F and after one that does not, and its bounds."""
-_ENOUGH, _POWELL, _STEEPEST = 1e-4, 0.2, 1e4
+_SUFFICIENT_SHARE, _POWELL, _STEEPEST = 1e-4, 0.2, 1e4
 """Share of the predicted decrease that is sufficient; bound on the curvature of an update relative to the old
 one; and largest curvature."""
 
@@ -68,7 +68,7 @@ class Smooth(NamedTuple):
 
 def width_at(step: int, steps: int, widths: tuple[float, float]) -> float:
     """Return the width of the smoothing at a step, between the first and the last width."""
-    return widths[0] * (widths[1] / widths[0]) ** min(step / max(_DONE * steps, 1.0), 1.0)
+    return widths[0] * (widths[1] / widths[0]) ** min(step / max(_LAST_SHARE * steps, 1.0), 1.0)
 
 
 def smoothed(at: Linearisation, cap: float, width: float) -> Smooth:
@@ -148,13 +148,13 @@ def newton(cap: float, steps: int, widths: tuple[float, float]) -> optax.Gradien
         # The width has decreased since the last step, so both designs are compared under the new one.
         if state.at is not None:
             before, moved = smoothed(state.at, cap, width), params - state.x
-            enough = before.value + _ENOUGH * np.sum(before.slope * moved, axis=1)
+            enough = before.value + _SUFFICIENT_SHARE * np.sum(before.slope * moved, axis=1)
             accepted = np.isfinite(here.value) & ~(here.value > enough)
             change = _weighted(at, here.weights) - _weighted(state.at, here.weights)
             # A rejected design shows the curvature as well as an accepted one.
             curvature = _updated(curvature, moved, change)
             # After a rejection the next step is shorter and turns towards steepest descent.
-            damping = np.clip(damping * np.where(accepted, _EASED, _RAISED), *_DAMPING)
+            damping = np.clip(damping * np.where(accepted, _DECREASE, _INCREASE), *_DAMPING)
             x = np.where(accepted[:, None], params, state.x)
             base = Linearisation(*(_choose(accepted, *pair) for pair in zip(at, state.at, strict=True)))
             here = smoothed(base, cap, width)

@@ -33,7 +33,7 @@ from tpd.design.reasons import DesignStatus
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Validated, validate
+from tpd.design.validate import Validation, validate
 from tpd.limits import Limit, Objective, Requirements
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
@@ -145,7 +145,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)
     refinement = problem.improver(first_guess(problem), progress)
-    status, validated = DesignStatus.none_feasible, list[Validated]()
+    status, validated = DesignStatus.none_feasible, list[Validation]()
     for attempt in range(problem.attempts):
         # A design next to a rejected one would most likely be rejected as well.
         design = refinement.best([v.design for v in validated])
@@ -170,7 +170,6 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         trials=refinement.trials(),
         search=refinement.search,
         equivalent=None if best is None else refinement.equivalent(best),
-        wider_bounds=() if best is None else refinement.wider_bounds(best),
     )
 
 

@@ -36,6 +36,7 @@ from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
+from tpd.scene.scene import NO_PENDULUM
 from tpd.theory.no_uplift import uplift
 
 _PAIRS = 16_384
@@ -61,7 +62,7 @@ _CHUNK = 20
 _STEPS = 3
 """Largest number of steps of an orbit at one design. One step is sufficient if the design has moved
 little."""
-_NEAR, _ASTRAY = 0.01, 0.5
+_LEAST_RESIDUAL, _MOST_RESIDUAL = 0.01, 0.5
 """Residual in units of nu below which no further step follows, and above which the orbit is lost."""
 _SAME = 0.01
 """Relative difference between the tilts of two orbits above which they count as different orbits."""
@@ -118,17 +119,12 @@ class Orbits:
         of_orbits = (x for x in (self.objective, *self.limits) if not x.of_motion)
         return any(type(x) not in LIMIT_KINDS for x in of_orbits)
 
-    @property
-    def massless(self) -> np.ndarray:
-        """Design with a bob without mass, which does not act on the block, (1, 3)."""
-        return np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
-
     def compared_without_pendulum(self) -> Orbits:
         """Return this objective with the tilts of the block without a pendulum, for limits that compare with
         them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
-        e = self.evaluate(self.massless)
+        e = self.evaluate(np.array([NO_PENDULUM]))
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
@@ -318,9 +314,9 @@ class SmoothedOrbits:
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
             # One step is sufficient if the design has moved little, since the error is quadratic in the
             # residual.
-            has_failed = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            has_failed = ~step.solved | (step.residual > _MOST_RESIDUAL) | (step.turn[:, 0] <= 0.0)
             self.follows[rows] = ~has_failed
-            todo[rows] = ~has_failed & (step.residual > _NEAR)
+            todo[rows] = ~has_failed & (step.residual > _LEAST_RESIDUAL)
         rows = np.nonzero(self.follows)
         if len(rows[0]) and o.needs_remaining:
             # A second integration along the change of the orbit gives the derivatives of its stability.

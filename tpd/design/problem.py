@@ -9,8 +9,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from functools import cached_property, partial
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,8 @@ from tpd.limits import (
 from tpd.scene.conditions import Conditions, HalfWidth, Normal
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
-from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.scene.record import Record
+from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -64,16 +65,42 @@ _SCATTERED = {
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
-class Variation(NamedTuple):
-    """Changes of paired runs with respect to the validation runs."""
+VariationKind = Literal["stated", "quantity", "losses", "width", "hinge", "records", "base"]
+"""Kinds of variations: the stated design, another value of one quantity, another loss of energy, a narrower
+base as with worn edges or a soft bearing, a hinge at mid-height, records of another set, and a wider base
+without a pendulum."""
 
+
+class Variation(NamedTuple):
+    """Change of paired runs with respect to the validation runs."""
+
+    kind: VariationKind = "stated"
+    """Kind of the variation."""
+    name: str = ""
+    """Name of what changes, see `tpd.design.variations.Dependence`."""
+    share: float = 0.0
+    """Relative change, or level of the records."""
+    words: str = ""
+    """Words for the varied design."""
     equations: str = Terms.nonlinear.value
     """Equations of the runs. With the linear equations the runs are fewer and shorter; they serve
     comparisons."""
     scene: Scene | None = None
-    """Scene with another block or gravity; None for the scene of the problem."""
-    more: Conditions | None = None
+    """Scene with another block, under the same motions in SI units; None for the scene of the problem."""
+    more: Conditions = Conditions.exactly()
     """Further condition, in addition to all others."""
+    problem: Problem | None = None
+    """Problem with another hinge; None for the stated one."""
+    records: tuple[Record, ...] = ()
+    """Records of another set; empty for the stated excitation."""
+    without_pendulum: Runs | None = None
+    """Runs without a pendulum, if they are those of another variation."""
+
+    @property
+    def fixes_restitution(self) -> bool:
+        """Whether e does not vary, because the variation states e. On a wider base e varies as stated."""
+        is_stated = self.scene is not None and self.scene.block.restitution != HOUSNER
+        return is_stated and self.kind != "base"
 
 
 STATED = Variation()
@@ -109,7 +136,7 @@ class Problem(ABC):
     """Largest number of designs that are validated."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
     """Reasons against a design after which another design is validated."""
-    evidence: ClassVar[DesignStatus] = DesignStatus.recommended
+    passing_status: ClassVar[DesignStatus] = DesignStatus.recommended
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
     has_validation_runs: ClassVar[bool] = True
     """Whether some validation runs take no part in the decision and are reported instead."""
@@ -182,16 +209,11 @@ class Problem(ABC):
             ValueError: a job file cannot describe the problem, because a motion, a limit or an objective
                 exists only in Python.
         """
-        tables = self.tables
+        tables = {table: _plain(values) for table, values in self.tables.items()}
         try:
-            job = job_of({table: _plain(values) for table, values in tables.items()})
+            return job_of(tables)
         except ValueError as error:
             raise ValueError(f"a job file cannot describe this problem: {error}") from None
-        for name in ("risk", "limits", "method", "ensemble", "requirements", "seed"):
-            # Models and optimisers have no equality of their own: compare what they print.
-            if repr(getattr(job, name)) != repr(getattr(self, name)):
-                raise ValueError(f"a job file cannot describe the `{name}`, {getattr(self, name)}")
-        return job
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
@@ -216,10 +238,9 @@ class Problem(ABC):
         if bob.get("shape") == "ball":
             bob.pop("aspect")
         search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
-        # A model object has no key in the file: the default model takes its place, and `job` compares the
-        # two.
-        if not isinstance(search.get("model"), str):
-            search["model"] = None
+        for name in ("model", "optimiser"):
+            if not isinstance(search.get(name), str | None):
+                raise ValueError(f"a job file cannot describe the {name} {search[name]}: it names one")
         measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
         return {
             "block": vars(scene.block),
@@ -398,16 +419,16 @@ class Problem(ABC):
         """
         if self.at_rest.slides:
             return DesignStatus.slides
-        return DesignStatus.no_uplift if self.at_rest.margin >= 1.0 else None
+        return DesignStatus.no_uplift if self.at_rest.safety_factor >= 1.0 else None
 
     @property
     def needless(self) -> str:
-        """Sentences about a block that does not rock under the excitation, with its margin."""
+        """Sentences about a block that does not rock under the excitation, with its safety factor."""
         status, alone = self.needs_none, self.at_rest
         if status is DesignStatus.slides:
             at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        stays, (times, _) = f"{DesignStatus.no_uplift.head}: {STAYS}", compared(alone.margin, 1.0)
+        stays, (times, _) = f"{DesignStatus.no_uplift.head}: {STAYS}", compared(alone.safety_factor, 1.0)
         return f"{stays}, and an excitation that is {times} times as strong would lift it. {AFTER_PUSH}"
 
     @property
@@ -435,8 +456,10 @@ class Problem(ABC):
         """
 
     @abstractmethod
-    def validation_runs(self, design: np.ndarray | None, seed: int, progress: Any = None) -> Runs:
-        """Simulate the validation runs of a design by the nonlinear equations; None for the design means no
+    def validation_runs(
+        self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
+    ) -> Runs:
+        """Simulate the validation runs of a design under a variation; None for the design means no
         pendulum."""
 
     @property
@@ -450,6 +473,9 @@ class Problem(ABC):
         """Bob angle (rad) at which a pendulum of the rule must keep the limits; 0 if orbits show it."""
 
     @abstractmethod
+    def _groups_of(self, runs: Runs) -> dict[str, Any]:
+        """Return `group`, `labels` and `counted` of paired runs, see `PairedRuns`."""
+
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
@@ -458,9 +484,16 @@ class Problem(ABC):
         Args:
             design: (mu, lam, zeta), shape (3,).
             seed: seed of the runs. Runs of different seeds are independent.
-            varied: changes with respect to the validation runs.
+            varied: change with respect to the validation runs.
             progress: function of (stage, runs done, total).
         """
+        # Both cases have the same seed and conditions, so that the runs are paired.
+        how = seed, varied, partial(progress, "validation runs")
+        runs = self.validation_runs(design, *how)
+        alone = varied.without_pendulum or self.validation_runs(None, *how)
+        own = self._groups_of(runs) | {"cluster": self.earthquakes, "worse": self.requirements.worse}
+        own["annual"] = lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted)
+        return PairedRuns(with_pendulum=runs, without_pendulum=alone, **own)
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> Any:
         """Return the `AnnualRates` of overturning in validation runs; None without a hazard.
@@ -475,10 +508,6 @@ class Problem(ABC):
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
         a hazard under ground motions of several levels, else empty. Sentences have no full stop."""
         return () if rates is None else rates.sentences
-
-    def with_block(self, block: Block) -> Problem:
-        """Return the problem of another block under the same excitation in SI units."""
-        return replace(self, scene=replace(self.scene, block=block))
 
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the

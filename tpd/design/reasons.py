@@ -118,7 +118,7 @@ CERTAIN = 0.5
 """Share of the required reduction that the lower end of the 95 % interval of the reduction must exceed."""
 
 
-_FAR = 2.0
+_DANGER_RATIO = 2.0
 """Ratio of the runs beyond a limit to the allowed ones from which an excess is a danger."""
 
 
@@ -228,7 +228,7 @@ class Reason:
     def is_danger(self) -> bool:
         """Whether the block overturns more often or slides, or the bob touches a wall far too often."""
         # A share just above the allowed one may be chance: other runs of this design may keep the limit.
-        far = not self.value <= _FAR * self.reference
+        far = not self.value <= _DANGER_RATIO * self.reference
         always = self.kind in (ReasonKind.overturns_more, ReasonKind.slides)
         return always or (self.kind is ReasonKind.touches_wall and far)
 

@@ -19,9 +19,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.answers.paired import FEWER
+from tpd.answers.paired import REST_LOSS
 from tpd.answers.run_table import Runs
-from tpd.core.formatting import number
 from tpd.core.progress import Progress
 from tpd.design.problem import Problem
 from tpd.design.trend import Trend, fit, least_values
@@ -31,13 +30,13 @@ from tpd.theory.equations import Terms
 
 _BATCH = 8
 """Number of designs of a round: the trends are fitted again after each round."""
-_APART = 0.05, 0.02
+_DISTANCES = 0.05, 0.02
 """Smallest distances of a new design from all others, as relative changes: usually, and at the end."""
-_ANYWHERE, _NEAR, _BEST = 1500, 1500, 12
+_SPREAD_PROPOSALS, _LOCAL_PROPOSALS, _BEST = 1500, 1500, 12
 """Numbers of proposed designs anywhere in the space and near the best designs, and number of these."""
 _WIDTHS = 0.02, 0.5
 """Smallest and largest relative change of a proposal near a good design."""
-_CHECKED, _MOST_CHECKED = 32, 320
+_CHUNK, _MOST_PROPOSALS = 32, 320
 """Number of proposals whose limits without runs are computed together, and largest number of a round."""
 _FEW, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
@@ -45,10 +44,10 @@ number of comparisons."""
 _NOISE = 0.005
 """Accuracy of the logarithm of a limited quantity in a comparison. A design that exceeds a limit by less may
 well keep it."""
-_NEARLY = 0.05
+_MOST_EXCESS = 0.05
 """Largest excess of a trial over a limit, according to the trends and in the logarithm, at which it may still
 be compared."""
-_FURTHER = 0.01
+_INCREMENT = 0.01
 """Increase of the distance from the limits from one comparison to the next, in the logarithm."""
 _LEAST_RUNS = 4
 """Smallest number of standing runs that determine a limited quantity."""
@@ -62,7 +61,7 @@ _SIZES = 1e-6, 1e3
 
 
 @dataclass(frozen=True)
-class Compared:
+class Comparison:
     """Design that was compared by runs of the nonlinear equations."""
 
     design: np.ndarray
@@ -71,26 +70,6 @@ class Compared:
     """Merit of its runs."""
     sizes: dict[str, float]
     """Logarithms of the limited quantities over their limits, by name."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WiderBound:
-    """Effect of a wider bound of the design space, by trial runs beyond the bound."""
-
-    column: int
-    """Column of (mu, lam, zeta)."""
-    bound: float
-    """Bound on which the design lies."""
-    wider: float
-    """Bound of the further trials."""
-    gain: float
-    """Decrease of the risk, at least 0; NaN if no trial beyond the bound keeps the limits."""
-
-    def __str__(self) -> str:
-        if np.isnan(self.gain):
-            return f"up to {number(self.wider, 3)} no design keeps the limits"
-        points = "less than 1 point" if self.gain < 0.01 else f"{number(100.0 * self.gain, 2)} points"
-        return f"a bound of {number(self.wider, 3)} would lower the mean tilt by {points}"
 
 
 @dataclass
@@ -109,13 +88,13 @@ class Refinement:
     """Logarithms of the limited quantities of each trial over their limits, by name."""
     fixed: dict[str, np.ndarray] = field(default_factory=dict)
     """Limited quantities of the trials that need no run, over their limits, by name, (m,)."""
-    compared: list[Compared] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
     """Designs that were compared by runs of the nonlinear equations."""
     merit: Trend | None = None
     """Trend of the merit, which orders the designs."""
     limits: dict[str, Trend] = field(default_factory=dict)
     """Trend of each limited quantity, by name: negative where the limit is kept."""
-    margin: dict[str, float] = field(default_factory=dict)
+    allowance: dict[str, float] = field(default_factory=dict)
     """Amount by which the logarithm of a limited quantity must stay further below zero, by name, after the
     validation has shown that a design exceeds the limit."""
 
@@ -171,7 +150,7 @@ class Refinement:
                 x = np.log(np.clip(np.nan_to_num(x, nan=_SIZES[1]), *_SIZES))
                 out[name] = float(np.quantile(x, level) - spare) if len(x) >= _LEAST_RUNS else np.nan
         if rests > _FEW_RESTS:
-            out[_RESTS] = (1.0 - FEWER) * rests - float(runs.share_at_rest.value)
+            out[_RESTS] = (1.0 - REST_LOSS) * rests - float(runs.share_at_rest.value)
         return out
 
     def fit(self) -> None:
@@ -201,14 +180,14 @@ class Refinement:
 
     def _shift(self, name: str) -> float:
         """Return the amount to add to the trend of a limited quantity: by how much the runs of the
-        comparisons exceed the trend, and the margin."""
-        margin, others = self.margin.get(name, 0.0), [c for c in self.compared if name in c.sizes]
+        comparisons exceed the trend, and the allowance."""
+        allowance, others = self.allowance.get(name, 0.0), [c for c in self.comparisons if name in c.sizes]
         # Without a comparison the trend of the linear equations is the best estimate.
         size = np.array([c.sizes[name] for c in others])
         if not np.isfinite(size).any():
-            return margin
+            return allowance
         trend = self.limits[name].at(self.at([c.design for c in others]))[0]
-        return margin + float(np.nanmean(size - trend))
+        return allowance + float(np.nanmean(size - trend))
 
     def _score(self, designs: np.ndarray | list[np.ndarray], inside: float = 0.0) -> np.ndarray:
         """Return numbers that order designs: those within the limits by their trend, then the others by their
@@ -239,9 +218,9 @@ class Refinement:
         x = x[np.linalg.norm(self.at(x)[:, None] - seen, axis=-1).min(axis=1) > apart]
         if not len(x):
             return chosen
-        x = x[np.argsort(self._score(x, inside), kind="stable")[:_MOST_CHECKED]]
+        x = x[np.argsort(self._score(x, inside), kind="stable")[:_MOST_PROPOSALS]]
         # Limits that need no run are cheap to check, but not for thousands of proposals.
-        for some in np.split(x, range(_CHECKED, len(x), _CHECKED)):
+        for some in np.split(x, range(_CHUNK, len(x), _CHUNK)):
             for design in some[self.problem.possible(some)]:
                 here = self.at(design[None])
                 if len(chosen) < count and np.linalg.norm(seen - here, axis=1).min() > apart:
@@ -257,13 +236,13 @@ class Refinement:
         low, high = space.logarithms(space.ends)
         # All widths, because the distance of the best designs is not known in advance. Along the difference
         # of two good designs a proposal follows the limits, between which the best designs often lie.
-        start, i, j = self.at(best)[rng.integers(len(best), size=(3, _NEAR))]
+        start, i, j = self.at(best)[rng.integers(len(best), size=(3, _LOCAL_PROPOSALS))]
         narrow, wide = np.log(_WIDTHS)
-        width = np.exp(rng.uniform(narrow, wide, (_NEAR, 1)))
-        along = rng.normal(size=(_NEAR, 1)) * (i - j) * (rng.random((_NEAR, 1)) < 0.5)
+        width = np.exp(rng.uniform(narrow, wide, (_LOCAL_PROPOSALS, 1)))
+        along = rng.normal(size=(_LOCAL_PROPOSALS, 1)) * (i - j) * (rng.random((_LOCAL_PROPOSALS, 1)) < 0.5)
         near = start + along + width * rng.normal(size=start.shape)
         shares = (np.clip(near, low, high) - low) / (high - low)
-        return space.unscaled(np.concatenate([shares, rng.random((_ANYWHERE, len(low)))]))
+        return space.unscaled(np.concatenate([shares, rng.random((_SPREAD_PROPOSALS, len(low)))]))
 
     def best(self, rejected: Sequence[np.ndarray]) -> np.ndarray | None:
         """Return the best design (3,) by comparisons of the nonlinear equations, apart from designs that the
@@ -273,16 +252,16 @@ class Refinement:
         for turn in range(len(rejected) > 0, _COMPARISONS):
             # The comparisons show by how much the trends of the limits are wrong. If that is not enough,
             # designs further inside follow. Otherwise only trials far away would keep the limits.
-            if turn and len(new := self.next(_BATCH, _APART[1], (turn - 1) * _FURTHER)):
+            if turn and len(new := self.next(_BATCH, _DISTANCES[1], (turn - 1) * _INCREMENT)):
                 self.evaluate(new)
-            for design in self._pool([*rejected, *(c.design for c in self.compared)])[: _FEW[turn > 0]]:
-                self.progress("comparing", done := len(self.compared) + 1, max(done, sum(_FEW)))
+            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _FEW[turn > 0]]:
+                self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_FEW)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
         # A design that exceeds a limit by more is no pendulum that the validation should call a danger.
-        every = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NEARLY]
+        every = [c for c in self._eligible(rejected) if self._excess_of(c) <= _MOST_EXCESS]
         return min(every, key=self._excess_of).design if every else None
 
     def compare(self, design: np.ndarray) -> None:
@@ -290,16 +269,16 @@ class Refinement:
         runs = self.problem.trial_runs(design, self.problem.run_seed(3, 0), Terms.nonlinear.value)
         # The rests are compared by the linear equations only, which have the same runs without a pendulum.
         sizes = self._sizes_of(design, runs, 0.0)
-        self.compared.append(Compared(design, self.merit_of(runs), sizes))
+        self.comparisons.append(Comparison(design, self.merit_of(runs), sizes))
 
-    def _excess_of(self, c: Compared) -> float:
+    def _excess_of(self, c: Comparison) -> float:
         """Return the largest logarithm of a limited quantity over its limit in the runs of a comparison."""
-        excess = [x + self.margin.get(name, 0.0) for name, x in c.sizes.items()]
+        excess = [x + self.allowance.get(name, 0.0) for name, x in c.sizes.items()]
         return float(np.max(np.nan_to_num([-np.inf, *excess], nan=np.inf)))
 
-    def _eligible(self, rejected: Sequence[np.ndarray]) -> list[Compared]:
+    def _eligible(self, rejected: Sequence[np.ndarray]) -> list[Comparison]:
         """Return the compared designs that lie apart from rejected ones."""
-        return [c for c in self.compared if self._is_apart(c.design, rejected)]
+        return [c for c in self.comparisons if self._is_apart(c.design, rejected)]
 
     def _pool(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return the trials (m, 3) that keep the limits, best first, apart from each other and from other
@@ -308,7 +287,7 @@ class Refinement:
         trials = self.trials()
         chosen, rows = list(others), trials.feasible
         if not rows.any():
-            nearly = self.possible & (self.excess(self.designs) <= _NEARLY)
+            nearly = self.possible & (self.excess(self.designs) <= _MOST_EXCESS)
             rows = nearly[self.order()] & np.isfinite(trials.value)
         for design in trials.designs[rows]:
             if self._is_apart(design, chosen):
@@ -318,7 +297,7 @@ class Refinement:
     def _is_apart(self, design: np.ndarray, others: Sequence[np.ndarray]) -> bool:
         """Return whether a design has a distance from all other designs."""
         distances = self.at(np.array(others).reshape(-1, 3)) - self.at(design)
-        return bool(np.all(np.linalg.norm(distances, axis=1) > _APART[1]))
+        return bool(np.all(np.linalg.norm(distances, axis=1) > _DISTANCES[1]))
 
     def learn(self, design: np.ndarray, runs: Runs) -> None:
         """Learn from the validation runs of a rejected design by how much the comparisons underestimate the
@@ -326,7 +305,7 @@ class Refinement:
         for name, x in self._sizes_of(design, runs, 0.0).items():
             # The whole excess counts: another rejection would cost more than a design further inside.
             if x > 0.0:
-                self.margin[name] = self.margin.get(name, 0.0) + x
+                self.allowance[name] = self.allowance.get(name, 0.0) + x
 
     def promises(self, share: float) -> bool:
         """Return whether the trend of a trial that keeps the limits is at most a share of the merit without a
@@ -336,38 +315,6 @@ class Refinement:
         trials = self.trials()
         best = trials.designs[trials.feasible][:1]
         return bool(np.any(self.merit.at(self.at(best))[0] <= share * self.merit_of(self.without)))
-
-    def wider_bounds(self, design: np.ndarray) -> tuple[WiderBound, ...]:
-        """Return what wider bounds would bring, for each bound of the space on which a design lies."""
-        out, space = list[WiderBound](), self.problem.space
-        for column, side in space.bounds_at(design).items():
-            wider, bound = space.beyond(column, side), space.ends[side, column]
-            if self.merit is None or (end := wider.ends[side, column]) == bound:
-                continue
-            there = replace(
-                self,
-                problem=replace(self.problem, space=wider),
-                total=len(self.designs) + _BATCH,
-                designs=self.designs.copy(),
-                runs=self.runs.copy(),
-                sizes=self.sizes.copy(),
-                fixed=self.fixed.copy(),
-            )
-            # The trials beyond the bound must not change the answer, only this remark on it.
-            there.fit()
-            if len(new := there.next(_BATCH, _APART[0])):
-                there.evaluate(new)
-            trials = there.trials()
-            assert trials.risk is not None
-            further = (trials.designs[:, column] - bound) * (-1.0, 1.0)[side] > 0.0
-            # Trials are in the order of their merit, so that the first one is the best.
-            rows = trials.feasible & further
-            gain = np.nan
-            if rows.any():
-                here = float(trials.risk.at(there.at(design[None]))[0][0])
-                gain = max(here - float(trials.trend[rows][0]), 0.0)
-            out.append(WiderBound(column=column, bound=float(bound), wider=float(end), gain=gain))
-        return tuple(out)
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the
@@ -426,7 +373,7 @@ def refine(problem: Problem, candidates: np.ndarray, further: int, progress: Pro
     refinement = Refinement(problem, progress, total)
     refinement.evaluate(candidates)
     while (more := total - len(refinement.designs)) > 0:
-        designs = refinement.next(min(more, _BATCH), _APART[more <= _BATCH])
+        designs = refinement.next(min(more, _BATCH), _DISTANCES[more <= _BATCH])
         if not len(designs):
             break
         refinement.evaluate(designs)

@@ -29,14 +29,14 @@ from tpd.design.sizes import NEAR, Evaluation
 from tpd.design.space import first_apart
 from tpd.models.smoothed import Smoothed
 
-_CLOSED = 4096
+_CLOSED_FORMS = 4096
 """Number of designs whose uplift margin is computed in closed form."""
-_APART = (0.1, 0.03, 0.0)
+_DISTANCES = (0.1, 0.03, 0.0)
 """Distances, in shares of the bounds, that chosen designs keep from each other. The next smaller distance
 applies if too few designs are left."""
 _AT_LIMIT = 1e-3
 """Relative distance from a limit below which the limit counts as active."""
-_STILL = 1e-3
+_GAIN = 1e-3
 """Change of the risk over the last quarter of a descent below which it has converged."""
 _FEW = 5
 """Smallest number of steps of this quarter."""
@@ -172,7 +172,7 @@ def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
     Three quarters are spread over the space. One quarter have the largest uplift margin under all conditions.
     """
     space = orbits.space
-    wide = space.sample(np.random.default_rng([seed, 2]), _CLOSED)
+    wide = space.sample(np.random.default_rng([seed, 2]), _CLOSED_FORMS)
     still = np.argsort(-orbits.margins(wide).min(axis=1), kind="stable")[: count // 4]
     return np.concatenate([space.sample(np.random.default_rng(seed), count - len(still)), wide[still]])
 
@@ -216,7 +216,7 @@ def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     order = np.argsort(values, kind="stable")
     # The first pass chooses designs of different valleys. Later passes fill the remaining places with
     # neighbours.
-    for apart in _APART:
+    for apart in _DISTANCES:
         order = np.r_[chosen, order[~np.isin(order, chosen)]].astype(int)
         chosen = first_apart(units, order, count, apart, len(chosen))
     return np.array(chosen, dtype=int)
@@ -242,7 +242,7 @@ class Ends(NamedTuple):
         # One step that was taken back is no sign of convergence, so a few steps are the least.
         last = max(_FEW, len(self.merits) // 4)
         before = self.merits[max(-1 - last, -len(self.merits))]
-        return np.isfinite(before) & (before - self.merit <= _STILL * np.maximum(np.abs(self.merit), _STILL))
+        return np.isfinite(before) & (before - self.merit <= _GAIN * np.maximum(np.abs(self.merit), _GAIN))
 
     def after(self, x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
         """Return the best designs after one more design (m, d) of each descent."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -81,8 +81,6 @@ class DesignSpace:
 
     table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
     """Bounds as they were stated, as in the table [space] of a job file."""
-    longest: ClassVar[float] = LONGEST_RATIO
-    """Largest length ratio with which the bob does not hang below the base."""
 
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
@@ -135,8 +133,7 @@ class DesignSpace:
             out["length_ratio"] = (low, min(high, longest))
         for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
             checks.at_most("length_ratio", x, longest, "the height of the hinge over half that of the block")
-        object.__setattr__(space := self.with_ratios(**out), "longest", longest)
-        return space
+        return self.with_ratios(**out)
 
     def hinge_ratio(self, block: Block) -> float:
         """Return the height of the hinge over half the height of a block, kappa."""
@@ -146,7 +143,6 @@ class DesignSpace:
         """Return the space with other bounds that follow from the stated ones, whose table it keeps."""
         out = replace(self, **bounds)
         object.__setattr__(out, "table", self.table)
-        object.__setattr__(out, "longest", self.longest)
         return out
 
     @property
@@ -181,16 +177,6 @@ class DesignSpace:
         # A design within a hundredth of the range counts as on the bound.
         shares = dict(zip(self.searched.tolist(), self.scaled(design).tolist(), strict=True))
         return {i: int(x > 0.5) for i, x in shares.items() if not 0.01 < x < 0.99}
-
-    def beyond(self, column: int, side: int) -> DesignSpace:
-        """Return the space with one bound further out by a factor of two, as far as a pendulum allows."""
-        name = (*TWINS.values(), "damping_ratio")[column]
-        # The largest range of a pendulum also limits a wider space.
-        ends = self.ends[:, column].tolist()
-        least, most = _RANGES[name]
-        most = self.longest if name == "length_ratio" else most
-        ends[side] = float(np.clip(ends[side] * (0.5, 2.0)[side], least, most))
-        return self.with_ratios(**{name: tuple(ends)})
 
     def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Draw designs (mu, lam, zeta) by a Latin hypercube, shape (count, 3)."""

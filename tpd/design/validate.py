@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.motion_history import needed_friction
-from tpd.answers.paired import FEWER, Decision, PairedRuns
+from tpd.answers.paired import REST_LOSS, Decision, PairedRuns
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
@@ -29,7 +29,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Validated:
+class Validation:
     """Design with the results of its validation."""
 
     design: np.ndarray
@@ -78,7 +78,7 @@ def validate(
     *,
     thorough: bool = False,
     progress: Progress = unreported,
-) -> Validated:
+) -> Validation:
     """Validate one design.
 
     Args:
@@ -122,15 +122,15 @@ def validate(
         reasons += by_runs
     elif decided is not None and not reasons:
         measure, required = requirements.reduce or "", requirements.at_least
-        margin = decided.margin(measure, required, CERTAIN * required)
-        quoted = replace(decided, passed=Decision(measure, margin))
-    status = problem.evidence
+        excess = decided.excess_reduction(measure, required, CERTAIN * required)
+        quoted = replace(decided, passed=Decision(measure, excess))
+    status = problem.passing_status
     if status is DesignStatus.recommended and problem.missing:
         status = DesignStatus.not_to_be_built
     if reasons and status is not DesignStatus.too_few:
         unknown = {reason.kind for reason in reasons} == {ReasonKind.undecided}
         status = DesignStatus.undecided if unknown else DesignStatus.not_recommended
-    return Validated(
+    return Validation(
         design=design,
         pendulum=pendulum,
         exact=exact,
@@ -194,7 +194,7 @@ def _reasons(
         rests = (np.sum(o.is_at_rest[runs.is_answered]) for o in (runs.with_pendulum, runs.without_pendulum))
         # The loss of one tenth of the runs that end at rest is tolerated, because single runs are chaotic.
         at_rest, without = rests
-        add_reason(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
+        add_reason(ReasonKind.rests_less, at_rest, without, total=total, low=(1.0 - REST_LOSS) * without)
     # The first part is the worst one. The reason mentions how many others there are.
     if runs.worse_parts:
         first = runs.worse_parts[0]
@@ -206,7 +206,7 @@ def _reasons(
         where = {"condition": first.label}
         add_reason(ReasonKind.no_benefit, first.with_pendulum, first.without_pendulum, **where)
     measure, required = requirements.reduce or runs.first_measure, requirements.at_least
-    if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
+    if not runs.excess_reduction(measure, required, CERTAIN * required) >= 0.0:
         gain = runs.reduction(measure)[0]
         more: dict[str, Any] = {"low": gain.low, "high": gain.high, "measure": measure}
         # An annual rate is no share of the runs.

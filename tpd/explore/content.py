@@ -21,7 +21,7 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
-from tpd.design.space import HEAVIEST_RATIO
+from tpd.design.space import HEAVIEST_RATIO, LONGEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
@@ -224,11 +224,11 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
             low, high = low / _WIDER, high * _WIDER
         return min(low, own), min(max(high, own), most)
 
-    zeta = float(start.damping_ratio)
+    zeta, longest = float(start.damping_ratio), min(LONGEST_RATIO, problem.space.hinge_ratio(block))
     # The names are those of the controls of the page.
     return {
         "mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
-        "length": wide(length, float(start.length), problem.space.longest * float(block.half_height)),
+        "length": wide(length, float(start.length), longest * float(block.half_height)),
         # A hinge without damping has a range as well.
         "damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
     }

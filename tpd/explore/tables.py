@@ -23,7 +23,7 @@ NONE = 65535
 field."""
 SAFETY = 2.0
 """Factor on the error that the second differences of the nodes estimate."""
-_APART = 0.4
+_LEAST_DISTANCE = 0.4
 """Least distance of a node from a value that is made a node, in shares of the distance between nodes."""
 _STABLE = ORBIT_STATUSES.index("rocking")
 _OTHERS = [ORBIT_STATUSES.index(name) for name in ("unstable", "neutral")]
@@ -91,7 +91,7 @@ def axis(
     for value in keep:
         if low < value < high:
             # A node next to this value would only make the table larger. Both ends stay.
-            inner = [x for x in nodes[1:-1] if abs(float(scale(x) - scale(value))) > _APART * step]
+            inner = [x for x in nodes[1:-1] if abs(float(scale(x) - scale(value))) > _LEAST_DISTANCE * step]
             nodes = sorted({nodes[0], *inner, float(value), nodes[-1]})
     return GridAxis(name, np.array(nodes), log)
 

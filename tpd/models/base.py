@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Limits, Run, SteadyNumbers, follow, solve_steady
-from tpd.compiled.trajectories import trajectory
+from tpd.compiled.simulate import Run, SteadyNumbers
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import State
 from tpd.scene.status import Status
-from tpd.theory.equations import Terms
 
 MOST_PERIODS = 800
 """Default for the largest number of forcing periods in one call of a model."""
-COMPILED_PERIODS = 100_000
-"""Largest number of forcing periods in one call of a model that compiled code solves. So many periods take
-half a second, or some seconds if the motion has many events."""
 
 
 def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) -> Any:
@@ -32,15 +27,15 @@ def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) ->
     return eqx.field(converter=convert, default=default, static=True, kw_only=True)
 
 
-class AbstractChoice(eqx.Module):
-    """A rule that selects a model for given parameters."""
+@runtime_checkable
+class Choice(Protocol):
+    """A rule that selects a model, such as `Auto`."""
 
-    @abstractmethod
     def steady(self, p: Parameters, y0: State) -> Any:
         """Return the steady state of the selected model. The parameters must be plain numbers."""
 
 
-class AbstractModel(eqx.Module):
+class Model(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
 
     most_periods: ClassVar[int] = MOST_PERIODS
@@ -69,49 +64,13 @@ class AbstractModel(eqx.Module):
         """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
 
 
-class AbstractCompiled(AbstractModel):
-    """A model whose equations are solved by compiled code (Numba).
+def scale_of(p: Any, *, bob: Any = None) -> Float[Array, "4"]:
+    """Return the scales of (phi, psi, phi', psi') to which the difference of two states is compared.
 
-    The compiled code also decides when a motion has settled, after how many periods the motion repeats, and
-    which status it has. Subclasses cannot change these decisions. A model with another flow must be an
-    `AbstractFlow`.
+    A bob without mass (mu = 0) cannot move the block. The scales of its angle and rate are then infinite, so
+    its state is ignored, unless `bob` is true.
     """
-
-    max_periods: eqx.AbstractVar[int]
-    max_events: eqx.AbstractVar[int]
-    tolerance: eqx.AbstractVar[float]
-    rest_rate: eqx.AbstractVar[float]
-    equations: ClassVar[Terms]
-    most_periods: ClassVar[int] = COMPILED_PERIODS
-
-    @property
-    def accuracy(self) -> dict[str, Any]:
-        """Settings, by their names, with which the compiled code follows a part of a motion."""
-        return {name: x for name, x in self.limits if name in ("events", "rest_rate", "rtol")}
-
-    @property
-    def limits(self) -> Limits:
-        """Settings with which the compiled code computes a steady state."""
-        # The fields have the names of the settings. Reading them through `vars` is five times faster than
-        # through the attributes of an Equinox module, and this is a notable part of a call of `steady_state`.
-        return tuple((name.removeprefix("max_"), x) for name, x in vars(self).items())
-
-    def check(self, p: Parameters) -> None:
-        """Accept the parameters: compiled models can represent every valid set."""
-
-    def settle(self, p: Parameters, y0: State) -> Run:
-        """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
-        # By default compiled code has limits of its own; those of the model replace them.
-        forcing = HarmonicForcing(self.max_periods)
-        settings = {**self.accuracy, "tolerance": self.tolerance}
-        return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
-
-    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
-        """Return the steady state and the slopes (6, 10) of amplitude, swing and state."""
-        return solve_steady(self.equations, x, self.limits, slopes)
-
-    def trajectory(
-        self, p: Parameters, y0: State, times: Float[Array, "times"]
-    ) -> tuple[Float[Array, "times 4"], Status]:
-        """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
-        return trajectory(self.equations, p, y0, times, **self.accuracy)
+    rate = jnp.maximum(p.xi, 1.0)
+    swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)
+    # Errors of rates are divided by the forcing frequency or, at low frequencies, by the rate of the block.
+    return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])

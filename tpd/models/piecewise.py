@@ -6,14 +6,74 @@ models keep the sign functions and smooth nothing.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Limits, Run, SteadyNumbers, follow, solve_steady
+from tpd.compiled.trajectories import trajectory
 from tpd.core import checks
-from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
+from tpd.models.base import Model, setting
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import State
+from tpd.scene.status import Status
 from tpd.theory.equations import Terms
 
+COMPILED_PERIODS = 100_000
+"""Largest number of forcing periods in one call of a model that compiled code solves. So many periods take
+half a second, or some seconds if the motion has many events."""
 
-class Piecewise(AbstractCompiled):
+
+class Compiled(Model):
+    """A model whose equations are solved by compiled code (Numba).
+
+    The compiled code also decides when a motion has settled, after how many periods the motion repeats, and
+    which status it has. Subclasses cannot change these decisions.
+    """
+
+    max_periods: eqx.AbstractVar[int]
+    max_events: eqx.AbstractVar[int]
+    tolerance: eqx.AbstractVar[float]
+    rest_rate: eqx.AbstractVar[float]
+    equations: ClassVar[Terms]
+    most_periods: ClassVar[int] = COMPILED_PERIODS
+
+    @property
+    def accuracy(self) -> dict[str, Any]:
+        """Settings, by their names, with which the compiled code follows a part of a motion."""
+        return {name: x for name, x in self.limits if name in ("events", "rest_rate", "rtol")}
+
+    @property
+    def limits(self) -> Limits:
+        """Settings with which the compiled code computes a steady state."""
+        # The fields have the names of the settings. Reading them through `vars` is five times faster than
+        # through the attributes of an Equinox module, and this is a notable part of a call of `steady_state`.
+        return tuple((name.removeprefix("max_"), x) for name, x in vars(self).items())
+
+    def check(self, p: Parameters) -> None:
+        """Accept the parameters: compiled models can represent every valid set."""
+
+    def settle(self, p: Parameters, y0: State) -> Run:
+        """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
+        # By default compiled code has limits of its own; those of the model replace them.
+        forcing = HarmonicForcing(self.max_periods)
+        settings = {**self.accuracy, "tolerance": self.tolerance}
+        return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
+
+    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 10) of amplitude, swing and state."""
+        return solve_steady(self.equations, x, self.limits, slopes)
+
+    def trajectory(
+        self, p: Parameters, y0: State, times: Float[Array, "times"]
+    ) -> tuple[Float[Array, "times 4"], Status]:
+        """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
+        return trajectory(self.equations, p, y0, times, **self.accuracy)
+
+
+class Piecewise(Compiled):
     """Exact solution of the linear equations (25): arcs that are joined at events.
 
     The model has no smoothing, and no errors apart from those of rounding. Taylor series give the arcs, whose
@@ -54,7 +114,7 @@ class Piecewise(AbstractCompiled):
     equations: ClassVar[Terms] = Terms.linear
 
 
-class Nonlinear(AbstractCompiled):
+class Nonlinear(Compiled):
     """Nonlinear equations (4), solved with Taylor series that are joined at events.
 
     The model has no smoothing, and its steps satisfy a relative tolerance. As in the paper, a crossing of

@@ -15,12 +15,11 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.compiled.columns import SWING, TILT, TILT_RATE
 from tpd.compiled.rows import row_of
-from tpd.compiled.simulate import HarmonicForcing, Run, follow
+from tpd.compiled.simulate import HarmonicForcing, Run, SteadyNumbers, follow
 from tpd.core import checks
-from tpd.models.base import MOST_PERIODS, setting
-from tpd.models.flow import AbstractFlow, Cycle
+from tpd.models.base import MOST_PERIODS, Model, setting
 from tpd.models.piecewise import Piecewise
-from tpd.models.settling import Period, settle
+from tpd.models.smoothed_orbit import Cycle, settle, solve_steady
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
@@ -44,7 +43,7 @@ def rocking_scale(p: Parameters) -> Number:
     return (4.0 / jnp.pi) * linear.weight / (linear.m11 * p.xi**2 + linear.tilt)
 
 
-class Smoothed(AbstractFlow):
+class Smoothed(Model):
     """Equations with smoothed signs: tanh(x/width) replaces sgn(x), so that an ODE solver applies.
 
     The solver is one of diffrax, and its derivatives are those of the smoothed motion. The smoothing width of
@@ -141,21 +140,26 @@ class Smoothed(AbstractFlow):
         """Integrate from the state `y0` at tau = 0, one forcing period after another, until they repeat."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
         # An overturning block grows without limit. The limit on its tilt ends the transient.
-        limit, no = Equations(p, self.terms).beyond_return, jnp.zeros((), bool)
+        limit = Equations(p, self.terms).beyond_return
         # The largest angles of the transient are taken from 17 samples per period, which is enough to
         # recognise a repetition. The settled period is computed with `cycle`.
         times = jnp.linspace(0.0, 1.0, 17) * p.period
 
-        def one_period(y: State, memory: None) -> Period:
+        def one_period(y: State) -> tuple[Any, ...]:
             ys, bounded = self._integrate(field, y, times)
             # If the solver reaches its limit on steps, later states are infinite. They are replaced by the
             # first state, and the status is then event_bound and not overturned.
             ys = jnp.where(bounded | jnp.isfinite(ys), ys, y[None])
-            amplitude, swing = jnp.max(jnp.abs(ys[:, TILT])), jnp.max(jnp.abs(ys[:, SWING]))
-            overturned = ~(amplitude < limit)
-            return Period(ys[-1], memory, amplitude, swing, no, overturned, ~bounded, no, amplitude, swing)
+            sizes = jnp.max(jnp.abs(ys[:, : SWING + 1]), axis=0)
+            return ys[-1], sizes, ~(sizes[TILT] < limit), bounded
 
-        return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
+        return settle(one_period, p, y0, tolerance=self.tolerance, max_periods=self.max_periods)
+
+    def solve_steady(self, x: Any, slopes: int) -> tuple[SteadyNumbers, Any]:
+        """Return the steady state and the slopes (6, 10) of amplitude, swing and state."""
+        # Both are one JAX program, and Newton's method needs most of the derivatives in any case.
+        del slopes
+        return solve_steady(x, self)
 
     def settle_exactly(self, p: Parameters, y0: State) -> Run | None:
         """Return the exact motion from `y0`; None with the parametric term, which has no exact solution."""
@@ -165,8 +169,8 @@ class Smoothed(AbstractFlow):
             return Piecewise().settle(p, y0)
         return follow(Terms.nonlinear, row_of(p), HarmonicForcing(self.max_periods), y0=y0)
 
-    def cycle(self, p: Parameters, settled: Run, y: State) -> Cycle:
-        """Integrate the settled periods from `y` with a small tolerance, for derivatives in forward mode."""
+    def cycle(self, p: Parameters, periods: Any, y: State) -> Cycle:
+        """Integrate forcing periods from `y` with a small tolerance, for derivatives in forward mode."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
         times = jnp.linspace(0.0, 1.0, self.samples + 1) * p.period
 
@@ -181,12 +185,8 @@ class Smoothed(AbstractFlow):
             return ys[-1], jnp.maximum(sizes, peaks), sides
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
-        y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        (amplitude, swing), (positive, negative) = sizes, sides
-        asymmetry = jnp.abs(positive - negative) / jnp.max(sides)
-        # A smoothed motion has no events and no discrete modes.
-        never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
-        return Cycle(y, amplitude, swing, None, never, asymmetry, closed)
+        y, sizes, sides = jax.lax.fori_loop(0, periods, one_period, first)
+        return Cycle(y, sizes, jnp.abs(sides[0] - sides[1]) / jnp.max(sides))
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

@@ -25,6 +25,7 @@ from tpd.plots.style import (
     new_axes,
     own_style,
 )
+from tpd.scene.scene import NO_PENDULUM
 
 _GRID, _COARSE = 48, 32
 """Numbers of points along each axis for a trend, and for orbits."""
@@ -116,7 +117,7 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
     # Exact orbits under the conditions of the descents, with the limits after the last correction.
     orbits = replace(problem.searched, factors=search.factors)
     e = orbits.evaluate(designs)
-    value, without = (orbits.value(of) for of in (e, orbits.evaluate(orbits.massless)))
+    value, without = (orbits.value(of) for of in (e, orbits.evaluate(np.array([NO_PENDULUM]))))
     (other,) = {0, 1, 2} - {*axes.tolist()}
     label = f"{orbits.objective.label}, at {'μλζ'[other]} = {best[other]:.2g} (-)"
     _shade(ax, x, y, value.reshape(_COARSE, _COARSE), float(without[0]), label)

@@ -4,27 +4,11 @@ from __future__ import annotations
 
 import math
 
-from tpd.core.formatting import interval, number, percent, with_and_without
-from tpd.design.as_built import ARM, NARROW, SAFETY, YIELD, Build, Details
+from tpd.core.formatting import number, percent
+from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
-from tpd.design.reasons import VALIDATED
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.report.words import COMPARISON, kept, point
-from tpd.scene.conditions import Normal
-
-_PULL = "pull-and-release test, above"
-_NAMES = {
-    "": ("all quantities as stated", None),
-    "impact_loss": ("energy loss of an impact, 1 - e", _PULL),
-    "friction": ("friction k of the rocking contact", _PULL),
-    "slenderness": ("slenderness ν", "measure the bearing width of the base and the height of the centroid"),
-    "amplitude": ("amplitude of the excitation", "from the source of the excitation"),
-    "frequency": ("frequency of the excitation", "from the source of the excitation"),
-    "mass": ("mass of the bob", "weigh the bob"),
-    "length": ("rod, hinge to the bob's centre", "time of ten oscillations, above"),
-    "damping": ("moment of the damper", "first swing to the other side, above"),
-}
-"""Label of each quantity that the sensitivity study varies, and how to measure this quantity on site."""
+from tpd.report.words import kept, point
 
 
 def section(design: Design, details: Details) -> list[Block]:
@@ -32,7 +16,7 @@ def section(design: Design, details: Details) -> list[Block]:
     build = details.build
     if build is None or design.pendulum is None:
         return []
-    return [_sizes(design, build), *_parts(build), _checks(build), *_sensitivity(design, details)]
+    return [_sizes(design, build), *_parts(build), _checks(build)]
 
 
 def _sizes(design: Design, build: Build) -> Table:
@@ -190,81 +174,3 @@ def _checks(build: Build) -> Listing:
             "impacts mean a larger energy loss. Friction makes the decay faster at small tilts.",
         )
     )
-
-
-def _sensitivity(design: Design, details: Details) -> list[Block]:
-    """Return a table of the benefit if one quantity differs from its stated value, and its conclusion."""
-    if not details.sensitivity:
-        return []
-    e = float(design.scene.block.velocity_ratio)
-    # The scatter is a share of e or a difference from it, but the table is about the loss 1 - e.
-    share = {"restitution": e / (1.0 - e)} if e < 1.0 else {}
-    validated = {
-        name.replace(
-            "restitution", "impact_loss"
-        ): f"standard deviation {percent(width.deviation / (1.0 - e))}"
-        if isinstance(width, Normal)
-        else f"±{percent(width * share.get(name, 1.0))}"
-        for name, width in design.problem.scatter.items()
-    }
-    # The runs scatter about every condition. Under ground motions the conditions are levels.
-    for name, factors in design.conditions.factors.items() if "conditions" in design.problem.pictures else ():
-        if (low := factors.min()) < (high := factors.max()):
-            validated[name] = f"{100.0 * (low - 1.0):+.0f} to {100.0 * (high - 1.0):+.0f} %"
-    rows = tuple(
-        (
-            _NAMES[m.name][0],
-            validated.get(m.name),
-            f"±{percent(m.width)}" if m.width else None,
-            *(interval(x.mean, x.low, x.high) for x in (m.low, m.high)),
-            _NAMES[m.name][1],
-        )
-        for m in details.sensitivity
-    )
-    head = "quantity", "tolerance", "varied by", "reduction if lower", "reduction if higher", "how to measure"
-    caption = (
-        "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated, with the "
-        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter. "
-        f"{COMPARISON}"
-    )
-    if design.status in VALIDATED:
-        caption += " Column 2 gives the tolerances for which the benefit was validated."
-    # A benefit is significant if the lower end of its interval is above zero.
-    critical = [_NAMES[m.name][0] for m in details.sensitivity if not min(m.low.low, m.high.low) > 0.0]
-    text = "The benefit remains significant in all of these cases."
-    if not details.sensitivity[0].low.low > 0.0:
-        text = "These runs are too few for a significant benefit, even with all quantities as stated."
-    elif critical:
-        text = f"If varied as in column 3, these make the benefit insignificant: {'; '.join(critical)}."
-    return [*_narrower(design, details), *_lower_hinge(details), Table(head, rows, caption), Text(text)]
-
-
-def _narrower(design: Design, details: Details) -> list[Block]:
-    """Return what happens if the block rocks on a part of its width only."""
-    # The comparison was made if the sensitivity was.
-    block = design.scene.block
-    lifts = (f"{number(x * block.slenderness + block.friction, 3)} g" for x in (NARROW, 1.0))
-    whole, narrow = (
-        with_and_without(change.with_pendulum, change.without_pendulum)
-        for change in (runs.change("overturned") for runs in details.bases)
-    )
-    text = (
-        "A block with worn edges or a soft bearing rocks on a part of its width: 70 to 91 % in tests of four "
-        f"wooden blocks. On {percent(NARROW)} this block without a pendulum would lift at "
-        f"{' instead of '.join(lifts)}. Share of the same linear runs that overturn: {narrow} (as stated: "
-        f"{whole}). If you know the share, state `effective_width`."
-    )
-    return [Text(text)]
-
-
-def _lower_hinge(details: Details) -> list[Block]:
-    """Return what a hinge at mid-height would cost; empty if it is not above that height."""
-    if details.lower_hinge is None:
-        return []
-    stated, lower = (percent(runs.benefit.mean) for runs in (details.bases[0], details.lower_hinge))
-    return [
-        Text(
-            "With the hinge at mid-height, the reduction of the mean tilt in the same linear runs is "
-            f"{lower} instead of {stated}."
-        )
-    ]

@@ -27,7 +27,6 @@ from tpd.scene.conditions import Conditions
 
 _DESIGN = (
     "equivalent",
-    "wider_bounds",
     "benefit",
     "overturning_reduction",
     "conditions",

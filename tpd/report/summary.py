@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterator
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.wider_base import USUAL
+from tpd.design.variations import USUAL
 from tpd.limits import LABELS, MEASURED, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Summary, danger, note
@@ -24,6 +25,8 @@ from tpd.report.notes import notes
 
 _USED = 0.95
 """Share of a limit that a design must use for the limit to be called active."""
+_LARGEST = 2
+"""Number of variations in the row on what the benefit depends on."""
 
 
 def summary(design: Design, details: Details, directory: Path | None = None, name: str = "") -> Summary:
@@ -48,13 +51,12 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     """Return the verdict of the design, with a caution if the benefit depends on the energy losses."""
     caution = ""
     # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
-    for case in () if details is None else details.losses:
-        _, significant = case.runs.reduction(case.measure)
+    for case in () if details is None else details.of("losses"):
         # Fewer runs alone can make a benefit insignificant. The same runs must also show a difference.
-        if case.difference.high < 0.0 and not significant:
-            by, around = percent(-case.difference.mean), ends(-case.difference.high, -case.difference.low)
+        if (x := case.difference) and x.high < 0.0 and not case.runs.reduction(case.measure)[1]:
+            by, around = percent(-x.mean), ends(-x.high, -x.low)
             caution += (
-                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with losses by {words.energy_loss(case.name)} "
+                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with {case.words} "
                 f"the reduction of the {MEASURED[case.measure]} is not significant, and it is smaller by "
                 f"{by[:-2]} points (95 % interval {around[:-2]}) than with the stated losses."
             )
@@ -75,7 +77,7 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # What an owner decides by comes before the parts, and what it depends on comes late.
         if yearly := design.problem.yearly(design.runs.annual_rates):
             yield "rate", ". ".join(yearly[:2])
-    if details.wider_bases:
+    if details.of("base"):
         yield "wider base", wider_bases(details)
     if details.first_guess is not None:
         yield "first guess", words.first_guess(details.first_guess, design.problem.allowed)
@@ -95,14 +97,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.slides:
         yield "friction", design.sliding.sentence
-    if details.losses:
-        cases = [f"{words.energy_loss(c.name)} {percent(c.runs.benefit.mean)}" for c in details.losses]
-        # The linear model can give another benefit than the nonlinear one, so the benefit with the
-        # stated losses is repeated here from linear runs.
-        stated = [f"as stated {percent(m.low.mean)}" for m in details.sensitivity if not m.name]
-        count, listed = details.losses[0].runs.pairs, ", ".join([*stated, *cases])
-        by = f"{count} runs of the linear model each, for comparison only"
-        yield "losses", f"reduction of the mean tilt if the energy loss is another ({by}): {listed}"
+    if depends := depends_on(details):
+        yield "depends on", depends
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:
@@ -115,13 +111,21 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
 
 def wider_bases(details: Details) -> str:
     """Return a clause on the widening of the base that is worth the pendulum, or on wider bases."""
-    usual, worth = [base for base in details.wider_bases if base.widening <= USUAL], details.worth
-    if worth is not None:
+    if details.worth is not None:
         # The report has a table with the wider bases.
-        return f"the pendulum has the same effect as a block {words.wider(worth)}"
-    shares = [percent(base.runs.change("overturned").with_pendulum, 1) for base in usual]
-    listed = (f"{x} (base {percent(of.widening)} wider)" for x, of in zip(shares, usual, strict=True))
-    return f"overturned in the same runs without a pendulum: {', '.join(listed)}"
+        return f"the pendulum has the same effect as a block {words.wider(details.worth)}"
+    bases = (of for of in details.of("base") if of.share <= USUAL)
+    shares = (f"{percent(of.runs.change('overturned').with_pendulum, 1)} ({of.words})" for of in bases)
+    return f"overturned in the same runs: {', '.join(shares)}"
+
+
+def depends_on(details: Details) -> str:
+    """Return the variations that reduce the benefit most in the same linear runs; empty without any."""
+    rows = [(x, of.words) for of in details.of("quantity", "losses", "width") if (x := of.difference)]
+    smaller = sorted((x.mean, f"{of} {words.points(*astuple(x))}") for x, of in rows if x.high < 0.0)
+    listed = "; ".join(text for _, text in smaller[:_LARGEST]) or "none is significantly below zero"
+    by = f"{details.variations[0].runs.pairs} linear runs, for comparison only" if rows else ""
+    return by and f"difference of the reduction in {by}: {listed}"
 
 
 def by_start(runs: PairedRuns) -> str:

@@ -20,12 +20,12 @@ from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_sce
 
 if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
-    from tpd.answers.paired import Change, PairedRuns, Part
+    from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
     from tpd.design.first_guess import FirstGuess
     from tpd.design.problem import Problem
-    from tpd.design.wider_base import Worth
+    from tpd.design.variations import EquivalentWidening
 
 _CHANGES = {
     "mean tilt": ("mean tilt", 0),
@@ -36,8 +36,6 @@ _CHANGES = {
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes, with the
 digits after the decimal point. Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be
 smaller than 1 %."""
-COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
-"""Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -78,11 +76,6 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def energy_loss(name: str) -> str:
-    """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
-    return f"{name} only" if name in ("friction", "impacts") else name
-
-
 def first_guess(of: FirstGuess, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
     share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
@@ -91,13 +84,13 @@ def first_guess(of: FirstGuess, allowed: float) -> str:
     return f"{pendulum}: {share} of the same runs overturn{exceeds}"
 
 
-def wider(worth: Worth) -> str:
+def wider(worth: EquivalentWidening) -> str:
     """Return the widening of the base that is worth as much as the pendulum, with its interval.
 
     Example:
-        >>> from tpd.design.wider_base import Worth
-        >>> wider(Worth(0.19, 0.12, 0.27, 0.5, "tilt")), wider(Worth(np.inf, 0.42, np.inf, 0.5, "tilt"))
-        ('19 % wider (95 % interval 12 to 27 %)', 'more than 50 % wider (95 % interval 42 to more than 50 %)')
+        >>> from tpd.design.variations import EquivalentWidening
+        >>> wider(EquivalentWidening(np.inf, 0.42, np.inf, 0.5, "tilt"))
+        'more than 50 % wider (95 % interval 42 to more than 50 %)'
     """
     # Beyond the widest base that was followed, and below one per cent, there is no number.
     size, low, high = (
@@ -199,7 +192,7 @@ def comparison(runs: PairedRuns) -> Table:
             continue
         label, digits = _CHANGES[c.name]
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
-        rows.append((label, *shares, difference(c, digits)))
+        rows.append((label, *shares, points(c.difference, c.low, c.high, digits)))
     # A run that overturns has no largest tilt, but counts in the mean.
     tilts = "Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     caption = f"Validation: {runs.description}. {tilts}"
@@ -208,11 +201,11 @@ def comparison(runs: PairedRuns) -> Table:
     return Table(head, tuple(rows), caption + unanswered(runs.undecided))
 
 
-def difference(of: Change, digits: int = 1) -> str:
-    """Return the difference of two shares in points with its interval; a dash if the interval is unknown."""
-    if not np.isfinite(of.low):
+def points(mean: float, low: float, high: float, digits: int = 0) -> str:
+    """Return a difference of two shares in points with its interval; a dash if the interval is unknown."""
+    if not np.isfinite(low):
         return NO_VALUE
-    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
+    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (mean, low, high))
     return f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
 
 

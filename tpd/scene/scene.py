@@ -24,6 +24,9 @@ from tpd.scene.parameters import HIGHEST_HINGE, SLENDERNESS_LIMIT, Parameters, u
 
 HOUSNER = "housner"
 """Value of `Block.restitution` for which e follows from block and bob by `tpd.scene.impacts.housner`."""
+NO_PENDULUM = 0.0, 1.0, 0.3
+"""Ratios (mu, lam, zeta) of the block without a pendulum: a bob without mass does not act on the block. The
+equations still contain its length, which must not be zero. Any usual value serves."""
 LEAST_SLENDERNESS = 0.01
 """Smallest width over height of a block. For a smaller ratio, width and height are probably in different
 units."""
@@ -433,10 +436,9 @@ class Scene:
             else:
                 most = 0.5 * HIGHEST_HINGE * block.height
                 checks.at_most("pendulum.hinge_height", hinge, most, "twice the height of the block")
-        # At mu = 0 the bob does not act on the block, but the equations still contain its length, which must
-        # not be zero. Any usual value serves.
         if pendulum is None:
-            pendulum = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3)
+            mu, lam, zeta = NO_PENDULUM
+            pendulum = Pendulum(mass=mu, length=lam * block.half_height, damping_ratio=zeta)
         out = {name: getattr(block, name) for name in ("width", "height", "mass", "friction")}
         # Keys without a value are left out, so that rho and e follow the other quantities.
         if not isinstance(block.restitution, str):

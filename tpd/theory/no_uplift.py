@@ -85,7 +85,7 @@ class AtRest(NamedTuple):
         return AtRest.of(scene.block.slenderness, scene.block.friction, scene.peak, scene.block.base_friction)
 
     @property
-    def margin(self) -> float:
+    def safety_factor(self) -> float:
         """Factor on the excitation at which the block lifts; infinite without an excitation."""
         return self.uplift / self.peak if self.peak > 0.0 else np.inf
 
@@ -113,9 +113,10 @@ class AtRest(NamedTuple):
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
-        lifts = "lifts" if self.margin < 1.0 else "does not lift"
+        lifts = "lifts" if self.safety_factor < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        (peak, uplift), (ratio, _) = compared(self.peak, self.uplift, 3), compared(1.0 / self.margin, 1.0, 3)
+        ratio, _ = compared(1.0 / self.safety_factor, 1.0, 3)
+        peak, uplift = compared(self.peak, self.uplift, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     @property
