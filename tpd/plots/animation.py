@@ -6,15 +6,16 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.patches import Polygon
-from PIL import Image
+from matplotlib.font_manager import FontProperties, findfont
+from PIL import Image, ImageDraw, ImageFont
 
 from tpd.design.as_built import TimeHistory
 from tpd.plots.drawing import BODY, corners, rod
-from tpd.plots.style import BLUE, INK, Picture, own_style
+from tpd.plots.style import BLUE, INK
 from tpd.scene.scene import Pendulum, Scene
 
 _RATE, _SECONDS = 10, 6.0
@@ -25,10 +26,13 @@ _PER_PERIOD = 8
 """Smallest number of frames in a forcing period. The film is slowed if real time has fewer frames."""
 _VISIBLE, _MAGNIFIED = 0.05, (1, 2, 5, 10, 20, 50, 100)
 """Tilt (rad) below which tilts are magnified, and the factors to choose from."""
-_TALL, _WIDE, _NARROW = 3.6, 4.2, 2.0
-"""Largest height, largest width and smallest width of the picture of one motion, inches."""
-_ABOVE, _BELOW, _LEAST, _DPI = 0.35, 0.5, 3.6, 80
-"""Space for texts above and below and smallest width of the figure, inches; dots per inch."""
+_FINE, _DPI = 2, 80
+"""Pixels that are drawn for one pixel of the film in each direction; pixels of the film per inch."""
+_TALL, _WIDE, _NARROW, _ABOVE, _BELOW, _LEAST, _BOB = (
+    round(inches * _DPI * _FINE) for inches in (3.6, 4.2, 2.0, 0.35, 0.5, 3.6, 0.055)
+)
+"""Largest height, largest width and smallest width of the picture of one motion; space for texts above and
+below; smallest width of the whole; radius of the bob. All are in drawn pixels."""
 _COLOURS = 64
 """Number of colours in a film: a few colours, and their mixtures at smoothed edges."""
 
@@ -46,7 +50,6 @@ class Reel:
     """Whether the block has overturned before or in the frame."""
 
 
-@own_style()
 def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]) -> bytes:
     """Return a GIF of some seconds: on the left without the pendulum, on the right with the pendulum.
 
@@ -109,51 +112,60 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen. Bob angles are always large enough.
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
-    # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
+    # The pictures must contain all frames, so all shapes are computed before the first one is drawn.
     films = [[_shapes(scene, r, i, factor) for i in range(len(times))] for r in reels]
     across, up = np.concatenate([x for film in films for shapes in film for x in shapes]).T
     # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
-    side = max(float(np.abs(across).max()), 0.7 * scene.block.width) + pad
-    low, high = min(float(up.min()), 0.0) - pad, float(up.max()) + pad
-    shape = 2.0 * side / (high - low)
-    # The picture is as large as height and width of one motion allow.
-    tall = min(_TALL, _WIDE / shape)
-    whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
-    # Each case has its own axes, with the same scale.
-    figure, actors = Picture(figsize=(width, whole), dpi=_DPI), []
     reach, thick = 0.7 * scene.block.width, 0.03 * scene.block.height
+    side = max(float(np.abs(across).max()), reach) + pad
+    low, high = min(float(up.min()), 0.0) - pad, float(up.max()) + pad
+    # The picture is as large as height and width of one motion allow. Each motion has the same scale.
+    scale = min(_TALL / (high - low), _WIDE / (2.0 * side))
+    view = max(2.0 * side * scale, _NARROW, _LEAST / len(reels))
+    centres = [round((i + 0.5) * view) for i in range(len(reels))]
+    width, bottom = round(view * len(reels)), round(_ABOVE + (high - low) * scale)
+
+    def pixels(points: np.ndarray, centre: int) -> list[tuple[float, float]]:
+        return [(centre + scale * x, bottom + scale * (low - y)) for x, y in points.tolist()]
+
+    def write(pen: Any, x: float, y: float, text: str, size: int, weight: str = "normal") -> None:
+        pen.text((x, y), text, INK, _font(size, weight), anchor="mm")
+
+    still = Image.new("RGB", (width, bottom + _BELOW), "white")
+    pen = ImageDraw.Draw(still)
     slab = np.array([[-reach, 0.0], [reach, 0.0], [reach, -thick], [-reach, -thick]])
-    for i, (r, film) in enumerate(zip(reels, films, strict=True)):
-        ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
-        ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
-        ax.set_axis_off()
-        title = "without pendulum" if r.pendulum is None else "with pendulum"
-        figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, title, ha="center", fontsize=12)
-        block = ax.add_patch(Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4))
-        ax.add_patch(Polygon(slab, fc=INK, ec=INK))
-        (line,) = ax.plot([], [], color=BLUE, lw=2.0)
-        (bob,) = ax.plot([], [], "o", ms=8, color=INK)
-        # A block that lies on its side could also be one at the largest magnified tilt.
-        label = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
-        actors.append((r, film, block, line, bob, label))
-    clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
+    for r, centre in zip(reels, centres, strict=True):
+        write(
+            pen, 1.0 * centre, 0.5 * _ABOVE, "without pendulum" if r.pendulum is None else "with pendulum", 12
+        )
+        pen.polygon(pixels(slab, centre), INK)
     tilt = f"tilts magnified {factor} times" if factor > 1 else "drawn to scale"
-    figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
-    # All artists are made before. A frame only moves them, and replaces the texts.
-    canvas, pictures = FigureCanvasAgg(figure), []
+    write(pen, 0.5 * width, bottom + 0.75 * _BELOW, f"{tilt}; {speed}", 10)
+    pictures = []
     for i, time in enumerate(times):
-        clock.set_text(f"t = {time:.2f} s")
-        for r, film, block, line, bob, label in actors:
-            corner, pendulum = film[i]
-            block.set_xy(corner)
-            label.set_text("overturned" if r.is_overturned[i] else "")
-            line.set_data(*pendulum.T)
-            bob.set_data(*pendulum[1:].T)
-        canvas.draw()
-        # The canvas reuses its memory, so each frame is copied.
-        pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())[..., :3]))
+        picture = still.copy()
+        pen = ImageDraw.Draw(picture)
+        write(pen, 0.5 * width, bottom + 0.35 * _BELOW, f"t = {time:.2f} s", 11)
+        for r, film, centre in zip(reels, films, centres, strict=True):
+            block, pendulum = (pixels(shape, centre) for shape in film[i])
+            pen.polygon(block, BODY, INK, 2 * _FINE)
+            for x, y in pendulum[1:]:
+                pen.line(pendulum, BLUE, 2 * _FINE)
+                pen.ellipse((x - _BOB, y - _BOB, x + _BOB, y + _BOB), INK)
+            # A block that lies on its side could also be one at the largest magnified tilt.
+            if r.is_overturned[i]:
+                write(pen, 1.0 * centre, _ABOVE + 0.07 * (bottom - _ABOVE), "overturned", 11, "bold")
+        # Pixels of which a part is covered get a mixed colour, so that edges are smooth.
+        pictures.append(picture.reduce(_FINE))
     return pictures
+
+
+@lru_cache(maxsize=8)
+def _font(size: int, weight: str) -> Any:
+    """Return the font of all pictures, of a size in points."""
+    path = findfont(FontProperties(weight=weight))
+    return ImageFont.truetype(path, round(size * _FINE * _DPI / 72.0))
 
 
 def _shapes(scene: Scene, r: Reel, i: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
