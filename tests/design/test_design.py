@@ -15,12 +15,12 @@ from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 def test_a_recommended_design_has_a_pendulum_and_its_validation_runs(harmonic):
     best = harmonic.best
     assert best is harmonic.validated[-1]
-    assert harmonic.runs is best.quoted
-    assert harmonic.benefit == best.quoted.benefit
-    assert harmonic.risks == pytest.approx(best.quoted.severity.mean(axis=1))
+    assert harmonic.runs is best.reported_runs
+    assert harmonic.benefit == best.reported_runs.benefit
+    assert harmonic.risks == pytest.approx(best.reported_runs.severity.mean(axis=1))
     np.testing.assert_array_equal(harmonic.nearest, best.design)
     assert (harmonic.refusals, harmonic.is_harmful) == ((), False)
-    assert len(harmonic.rod_angle) == best.quoted.with_pendulum.stands.sum()
+    assert len(harmonic.rod_angle) == best.reported_runs.with_pendulum.stands.sum()
     assert 0.0 < harmonic.swing < 0.5 == harmonic.stroke_limit
     lines = str(harmonic).splitlines()
     assert lines[0] == harmonic.verdict
@@ -32,7 +32,7 @@ def test_utilisation_is_the_quantile_that_the_allowed_share_of_runs_exceeds(harm
     assert np.mean(runs > ground.usage["stroke"]) <= ground.problem.allowed
     assert np.mean(runs >= ground.usage["stroke"]) > ground.problem.allowed
     best = harmonic.best
-    assert list(harmonic.problem.sizes_in_runs(best.design, best.quoted.with_pendulum)) == ["stroke"]
+    assert list(harmonic.problem.sizes_in_runs(best.design, best.reported_runs.with_pendulum)) == ["stroke"]
     size = harmonic.problem.fixed_sizes(best.design[None])["reserve"][0]
     assert harmonic.usage["reserve"] == 0.05 / (0.05 * (2.0 - size))
 
@@ -40,13 +40,13 @@ def test_utilisation_is_the_quantile_that_the_allowed_share_of_runs_exceeds(harm
 def test_the_best_rejected_design_has_the_smallest_violation(rejected):
     misses = [sum(r.shortfall for r in v.reasons) for v in rejected.validated]
     assert rejected.best is rejected.validated[int(np.argmin(misses))]
-    assert rejected.runs is rejected.best.decided
+    assert rejected.runs is rejected.best.deciding_runs
     assert np.isnan(rejected.risks[0])
     assert rejected.risks[1] == pytest.approx(rejected.runs.severity[1].mean())
     assert (rejected.swing, rejected.equivalent) == (0.0, None)
     assert str(rejected).startswith("NOT RECOMMENDED: the mean tilt falls by ")
     # A design that was rejected before any run comes after those with runs, and a danger weighs its size.
-    early = dataclasses.replace(rejected.validated[0], decided=None, quoted=None, reasons=())
+    early = dataclasses.replace(rejected.validated[0], deciding_runs=None, reported_runs=None, reasons=())
     wall = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=1.0, reference=0.01)
     far = dataclasses.replace(rejected.validated[0], reasons=(wall,))
     near = dataclasses.replace(rejected.validated[0])

@@ -300,10 +300,10 @@ def test_a_required_rate_determines_the_verdict():
     p = with_hazard(requirements=RATE, limits=(tpd.limits.Stroke(1.5),))
     result = validate(p, DESIGN)
     assert result.measure == "rate"
-    of = result.decided.annual_rates.ratio
+    of = result.deciding_runs.annual_rates.ratio
     falls = of.high < 1.0 and 1.0 - of.mean >= 0.1 and 1.0 - of.high >= 0.05
     assert (ReasonKind.too_little_benefit not in {reason.kind for reason in result.reasons}) == falls
-    assert "rate of overturning" in reduced(result.decided, "rate")
+    assert "rate of overturning" in reduced(result.deciding_runs, "rate")
 
 
 def test_the_job_of_a_problem_contains_its_hazard():

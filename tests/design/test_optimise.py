@@ -156,7 +156,7 @@ def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
     assert harmonic.usage["stroke"] <= 1.0
     assert harmonic.benefit.low > 0.25, "sixty per cent with these settings"
     # The same pairs again, by the nonlinear model itself.
-    runs = best.quoted
+    runs = best.reported_runs
     size, seed = len(runs.group), runs.with_pendulum.seed
     again = tpd.paired_runs(
         SCENE,
@@ -174,7 +174,7 @@ def test_a_seed_determines_the_design_and_another_seed_changes_the_runs(harmonic
     assert same(tpd.optimise(**harmonic.again()), harmonic)
     other = designs.harmonic_design(1)
     seeds = [
-        {runs.with_pendulum.seed for v in d.validated for runs in (v.decided, v.quoted) if runs}
+        {runs.with_pendulum.seed for v in d.validated for runs in (v.deciding_runs, v.reported_runs) if runs}
         for d in (harmonic, other)
     ]
     assert not seeds[0] & seeds[1]
@@ -196,7 +196,7 @@ def test_validation_earthquakes_are_not_among_the_search_earthquakes(ground):
     (best,) = ground.validated
     runs = best.runs
     # The same runs decided, and the quoted interval allows for it.
-    assert runs is best.quoted
+    assert runs is best.reported_runs
     assert runs.passed.measure == "tilt"
     assert ground.benefit.low < runs.unconditional.benefit.low
     assert runs.labels == ("search records", "validation records")

@@ -57,7 +57,7 @@ def design():
         "reasons": (),
         "status": DesignStatus.recommended,
     }
-    found |= {"decided": runs, "quoted": None}
+    found |= {"deciding_runs": runs, "reported_runs": None}
     return Design(problem=problem, status=DesignStatus.recommended, validated=(Validation(**found),))
 
 

@@ -220,7 +220,7 @@ def test_a_bob_as_built_over_the_mass_limit_is_rejected_without_runs():
     good = paired([0.1] * 40, [0.5] * 40)
     v = validated(good, limits=(tpd.limits.Mass(0.5 * (body + float(hung.mass))),))
     assert kinds(v) == ["breaks_limit"]
-    assert v.decided is v.quoted is v.runs is None
+    assert v.deciding_runs is v.reported_runs is v.runs is None
     assert np.isnan(v.over_limit)
     assert (v.reasons[0].value, v.reasons[0].reference) == pytest.approx((body, 0.5 * (body + hung.mass)))
     assert kinds(validated(good, limits=(tpd.limits.Mass(1.001 * body),))) == []
@@ -242,19 +242,19 @@ def test_more_overturning_from_rest_in_the_linear_model_rejects_a_design():
         assert kinds(v) == (["overturns_more"] if harm else [])
         assert (v.runs is None) is harm
         thorough = validate(Exact(**given), DESIGN, thorough=True)
-        assert thorough.decided is not None
+        assert thorough.deciding_runs is not None
         assert kinds(thorough) == kinds(v)
-        assert (thorough.quoted is None) is harm
+        assert (thorough.reported_runs is None) is harm
 
 
 def test_deciding_and_quoted_runs_are_disjoint():
     problem = NoisyProblem.of()
     found = [validate(problem, DESIGN, attempt, attempt) for attempt in range(3)]
     seeds = [seed for _, seed in problem.asked]
-    assert all(v.reasons == () and v.runs is v.quoted for v in found)
+    assert all(v.reasons == () and v.runs is v.reported_runs for v in found)
     assert len(set(seeds)) == len(seeds) == 6
     assert seeds == [run_seed(problem, attempt, part) for attempt in range(3) for part in (0, 1)]
-    decided, quoted = found[0].decided.with_pendulum, found[0].quoted.with_pendulum
+    decided, quoted = found[0].deciding_runs.with_pendulum, found[0].reported_runs.with_pendulum
     # Only the least tilt that a run may have is in both.
     assert len(set(decided.settled_tilt) & set(quoted.settled_tilt)) <= 1
     # Another seed of the problem counts unless the ensemble has one of its own.
@@ -271,7 +271,7 @@ def test_harm_in_the_quoted_runs_rejects_a_design_and_a_smaller_benefit_does_not
         v = validated((good, quoted), of=Twice)
         assert kinds(v) == expected
         assert v.runs is quoted
-        assert v.runs.benefit.mean < v.decided.benefit.mean
+        assert v.runs.benefit.mean < v.deciding_runs.benefit.mean
 
 
 def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
@@ -290,22 +290,22 @@ def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
     ]
     walls = {"limits": (tpd.limits.Clearance(),), "conditions": SMALL["conditions"]}
     assert NoisyProblem.of(**walls).missing == []
-    assert v.quoted.with_pendulum is v.decided.with_pendulum
-    alone, quoted = v.decided.benefit, v.quoted.benefit
+    assert v.reported_runs.with_pendulum is v.deciding_runs.with_pendulum
+    alone, quoted = v.deciding_runs.benefit, v.reported_runs.benefit
     assert alone.low > 0.05
     assert quoted.low < alone.low
     assert quoted.mean < alone.mean
     assert quoted.high <= alone.high
     # The runs themselves stay as they are, and a benefit far above the required one as well.
-    assert v.quoted.change("mean tilt") == v.decided.change("mean tilt")
-    assert v.quoted.unconditional.benefit == alone
+    assert v.reported_runs.change("mean tilt") == v.deciding_runs.change("mean tilt")
+    assert v.reported_runs.unconditional.benefit == alone
     sure = validated(in_earthquakes(gain=0.8), of=Once)
     for end in ("low", "mean", "high"):
-        assert getattr(sure.quoted.benefit, end) == pytest.approx(
-            getattr(sure.decided.benefit, end), abs=1e-4
+        assert getattr(sure.reported_runs.benefit, end) == pytest.approx(
+            getattr(sure.deciding_runs.benefit, end), abs=1e-4
         )
     # The margin is what the reduction could lose until the same runs would not pass.
-    measure, margin = v.quoted.passed
+    measure, margin = v.reported_runs.passed
     assert measure == "tilt"
     assert margin == pytest.approx(min(alone.mean - 0.1, alone.low - 0.05))
 
@@ -314,10 +314,10 @@ def test_quoted_earthquakes_do_not_decide():
     """With enough earthquakes one half decides, and the other one is quoted."""
     runs = in_earthquakes(80)
     v = validated(runs)
-    assert v.quoted.passed is None
-    assert not np.any(v.decided.counted & v.quoted.counted)
-    assert np.all(v.decided.counted | v.quoted.counted)
-    for half, of in enumerate((v.decided, v.quoted)):
+    assert v.reported_runs.passed is None
+    assert not np.any(v.deciding_runs.counted & v.reported_runs.counted)
+    assert np.all(v.deciding_runs.counted | v.reported_runs.counted)
+    for half, of in enumerate((v.deciding_runs, v.reported_runs)):
         assert set(runs.cluster[of.counted]) == set(range(half, 80, 2))
 
 

@@ -172,7 +172,7 @@ def worth(pendulum, without, *wider, measure="overturning", **more):
     bases = [row._replace(share=0.1 * i, runs=x) for i, x in enumerate(pairs, 1)]
     design = {"design": np.array(designs.RATIOS), "pendulum": designs.PENDULUM, "exact": None, "reasons": ()}
     passed = {"measure": measure, "status": DesignStatus.recommended, "over_limit": 0.0}
-    best = Validation(**design, **passed, decided=runs, quoted=None)
+    best = Validation(**design, **passed, deciding_runs=runs, reported_runs=None)
     return equivalent_widening(best, bases)
 
 
@@ -219,8 +219,8 @@ def test_the_equivalent_widening_has_the_measure_and_clusters_of_the_decision():
     assert by_quake.widening == by_run.widening
     assert by_quake.high - by_quake.low > by_run.high - by_run.low
     decision = Decision("overturning", 0.1)
-    assert worth(overturned(15), overturned(40), overturned(30), passed=decision).decided
-    assert not by_run.decided
+    assert worth(overturned(15), overturned(40), overturned(30), passed=decision).same_runs
+    assert not by_run.same_runs
     # Only counted runs matter: the first half overturns in all cases but one.
     half = worth(overturned(15), overturned(40), overturned(30), overturned(10), counted=np.arange(100) < 20)
     assert half.widening == pytest.approx(0.15)
@@ -285,7 +285,12 @@ def sets(monkeypatch):
 def under(ground, *motions):
     """The problem of the column under these motions, and a recommended pendulum without runs."""
     group = replace(ground.problem.groups[0], motions=motions, events=np.arange(len(motions)))
-    recommended = {"pendulum": PENDULUM, "status": DesignStatus.recommended, "decided": None, "quoted": None}
+    recommended = {
+        "pendulum": PENDULUM,
+        "status": DesignStatus.recommended,
+        "deciding_runs": None,
+        "reported_runs": None,
+    }
     return replace(ground.problem, groups=(group,)), replace(ground.best, **recommended)
 
 

@@ -77,7 +77,7 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
         assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
     ended = dataclasses.replace(runs.with_pendulum, outcome=np.full(len(runs.group), code_of(Status.rest)))
     decided = dataclasses.replace(runs, with_pendulum=ended)
-    resting = dataclasses.replace(under_pulses.best, decided=decided, quoted=None)
+    resting = dataclasses.replace(under_pulses.best, deciding_runs=decided, reported_runs=None)
     ax = plot_benefit(dataclasses.replace(under_pulses, validated=(resting,)))
     assert "at rest at the end" in [t.get_text() for t in ax.get_yticklabels()]
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):

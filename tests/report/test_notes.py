@@ -114,7 +114,7 @@ def test_a_note_counts_the_runs_without_a_result():
     runs = harmonic().runs
     outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)
     lost = dataclasses.replace(runs.with_pendulum, outcome=outcome)
-    note = only(changed(quoted=dataclasses.replace(runs, with_pendulum=lost)), "have no result")
+    note = only(changed(reported_runs=dataclasses.replace(runs, with_pendulum=lost)), "have no result")
     assert note.text.startswith(f"3 of {len(runs.group)} runs have no result")
 
 

@@ -50,7 +50,7 @@ def test_a_group_with_a_larger_tilt_is_marked():
     runs = harmonic().runs
     severe = dataclasses.replace(runs.with_pendulum, settled_tilt=np.full(len(runs.group), np.inf))
     case = dataclasses.replace(runs, with_pendulum=severe)
-    found = dataclasses.replace(harmonic().validated[-1], quoted=case)
+    found = dataclasses.replace(harmonic().validated[-1], reported_runs=case)
     table = sections.over_runs(dataclasses.replace(harmonic(), validated=(found,)))[-1]
     assert [row[3] == "yes" for row in table.rows] == [part.is_worse for part in case.parts]
 
@@ -83,7 +83,7 @@ def test_every_variation_is_a_row_with_its_difference_from_the_stated_design():
     # nu + k: 0.225 + 0.05.
     assert "90 % of the base (lifts at 0.275 g without the pendulum)" in found
     assert f"Tolerances in the validation runs: {harmonic().problem.scatter_in_words()}." in table.caption
-    assert f"the same effect as a block {words.wider(details().worth)}." in table.caption
+    assert f"the same effect as a block {words.wider(details().equivalent_widening)}." in table.caption
     assert "reduction of the share of runs that overturn, minus as stated" in table.head
     lost = [of.words for of in variations if of.kind != "base" and not of.runs.reduction(of.measure)[1]]
     if lost:

@@ -99,7 +99,7 @@ def test_a_verdict_about_few_earthquakes_comes_first_and_has_the_shares_of_the_s
     assert (share.with_pendulum, share.without_pendulum) == (0.0, 0.0)
     assert "In 2 paired runs of these motions: no run overturns, with the pendulum or without it." in said
     falls = paired([np.inf] * 4 + [0.1] * 6, [np.inf] * 8 + [0.1] * 2)
-    other = replace(design, validated=(replace(design.validated[-1], quoted=falls),))
+    other = replace(design, validated=(replace(design.validated[-1], reported_runs=falls),))
     assert "with the pendulum 40.0 % of the runs still overturn (80.0 % without it)." in verdict(other).text
 
 
@@ -170,7 +170,10 @@ def test_the_summary_describes_the_pendulum_as_built():
 
 def test_every_summary_compares_the_pendulum_with_wider_bases():
     said = flat(answer(harmonic(), details(), most=1000))
-    assert f"wider base the pendulum has the same effect as a block {wider(details().worth)}" in said
+    assert (
+        f"wider base the pendulum has the same effect as a block {wider(details().equivalent_widening)}"
+        in said
+    )
     assert said.endswith(f"alternative {alternatives(harmonic().problem)}")
     # Without a pendulum that is offered the bases remain.
     said = flat(answer(rejected(), details("rejected"), most=1000))
@@ -194,7 +197,7 @@ def test_an_unbounded_widening_is_described_by_its_bounds(worth, words):
 
 
 def test_the_interval_of_a_widening_is_marked_as_uncorrected():
-    said = wider(EquivalentWidening(0.07, 0.05, 0.09, 0.2, "tilt", decided=True))
+    said = wider(EquivalentWidening(0.07, 0.05, 0.09, 0.2, "tilt", same_runs=True))
     assert (
         said == "7 % wider (95 % interval 5 to 9 %, which does not allow for the decision by the same runs)"
     )
@@ -223,7 +226,7 @@ def test_the_nearest_design_has_the_smallest_violation():
         )
         for mu, x in ((0.2, 1.0), (0.05, 0.02))
     )
-    early = replace(far, decided=None, quoted=None, reasons=(LITTLE,))
+    early = replace(far, deciding_runs=None, reported_runs=None, reasons=(LITTLE,))
     for order in ((far, near, early), (early, near, far)):
         design = replace(harmonic(), status=DesignStatus.not_recommended, validated=order)
         assert "in 2.0 % of the surviving runs; at most 1.0 % are" in flat(answer(design, Details()))

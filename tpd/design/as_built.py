@@ -220,7 +220,7 @@ class Details(Printed):
     recommended one. It is computed only if the conditions differ in the excitation alone."""
     first_guess: FirstGuess | None = None
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
-    worth: EquivalentWidening | None = None
+    equivalent_widening: EquivalentWidening | None = None
     """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
@@ -264,7 +264,7 @@ def details(
         build=build_of(design),
         variations=rows,
         first_guess=follow_guess(problem, runs) if runs else None,
-        worth=equivalent_widening(design.best, rows),
+        equivalent_widening=equivalent_widening(design.best, rows),
         front=front,
     )
     scene = design.scene

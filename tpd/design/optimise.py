@@ -151,7 +151,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         design = refinement.best([v.design for v in validated])
         if design is None:
             break
-        confirmed = sum(v.quoted is not None for v in validated)
+        confirmed = sum(v.reported_runs is not None for v in validated)
         result = validate(problem, design, attempt, confirmed, progress=progress)
         validated.append(result)
         status = result.status

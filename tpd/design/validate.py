@@ -38,10 +38,10 @@ class Validation:
     """Pendulum of the design, in SI units."""
     exact: Any
     """`ExactMotions` under harmonic excitation, else None."""
-    decided: PairedRuns | None
+    deciding_runs: PairedRuns | None
     """Runs that decide; None if a limit that needs no run, the exact model from rest, or sliding rejects the
     design."""
-    quoted: PairedRuns | None
+    reported_runs: PairedRuns | None
     """Runs that the report quotes: runs that confirm the decision or, with few earthquakes, the runs that
     decided, with intervals that allow for it. None if the design was rejected before."""
     measure: str
@@ -57,7 +57,7 @@ class Validation:
     @property
     def runs(self) -> PairedRuns | None:
         """Runs that the report quotes."""
-        return self.decided if self.quoted is None else self.quoted
+        return self.deciding_runs if self.reported_runs is None else self.reported_runs
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -134,8 +134,8 @@ def validate(
         design=design,
         pendulum=pendulum,
         exact=exact,
-        decided=decided,
-        quoted=quoted,
+        deciding_runs=decided,
+        reported_runs=quoted,
         measure="" if decided is None else requirements.reduce or "",
         over_limit=float(over),
         reasons=tuple(reasons),

@@ -102,7 +102,7 @@ class EquivalentWidening(NamedTuple):
     """Largest widening that was followed."""
     measure: str
     """Measure that is equal, "overturning" or "tilt"."""
-    decided: bool = False
+    same_runs: bool = False
     """Whether the same runs decided that the pendulum is recommended. The interval does not allow for it."""
 
 

@@ -149,7 +149,7 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
                 Validation(
                     design=np.array(v["design"]),
                     pendulum=Pendulum(**v["pendulum"]),
-                    runs=v["quoted"] or v["decided"],
+                    runs=v["reported_runs"] or v["deciding_runs"],
                     sentences=[reason["sentence"] for reason in v["reasons"]],
                 )
                 for v in subject.content.get("validated", ())

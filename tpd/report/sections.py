@@ -99,13 +99,13 @@ def _quantiles(runs: Runs, angle: str) -> str:
 def _role(design: Design) -> str:
     """Return sentences that tell these runs from the runs that decided; empty if all runs are the same."""
     best = design.best
-    if best is None or best.quoted is None or best.decided is None:
+    if best is None or best.reported_runs is None or best.deciding_runs is None:
         return ""
-    if best.quoted.passed is not None:
+    if best.reported_runs.passed is not None:
         return " The same runs decided whether the pendulum is recommended."
     n = len(design.validated) - 1
     before = f" {n} {'design was' if n == 1 else 'designs were'} rejected before." if n else ""
-    decided = reduced(best.decided, best.measure)
+    decided = reduced(best.deciding_runs, best.measure)
     counts = "were not used to choose the design, and their reduction counts"
     return f" These runs {counts}.{before} In the runs that were used, {decided}."
 
@@ -158,8 +158,10 @@ def depends_on(design: Design, details: Details) -> list[Block]:
             "or a soft bearing leave a part of the base, 70 to 91 % in tests of four wooden blocks: state a "
             "known share as `effective_width`. "
         )
-        if details.worth:
-            about += f"The pendulum has the same effect as a block {words.wider(details.worth)}. "
+        if details.equivalent_widening:
+            about += (
+                f"The pendulum has the same effect as a block {words.wider(details.equivalent_widening)}. "
+            )
         # A wider base is no risk of the pendulum, and other records have no stated reduction.
         kinds = {"stated", "quantity", "losses", "width", "hinge"}
         weak = "; ".join(of.words for of in details.of(*kinds) if not of.runs.reduction(measure)[1])

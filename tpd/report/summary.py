@@ -111,9 +111,9 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
 
 def wider_bases(details: Details) -> str:
     """Return a clause on the widening of the base that is worth the pendulum, or on wider bases."""
-    if details.worth is not None:
+    if details.equivalent_widening is not None:
         # The report has a table with the wider bases.
-        return f"the pendulum has the same effect as a block {words.wider(details.worth)}"
+        return f"the pendulum has the same effect as a block {words.wider(details.equivalent_widening)}"
     bases = (of for of in details.of("base") if of.share <= USUAL)
     shares = (f"{percent(of.runs.change('overturned').with_pendulum, 1)} ({of.words})" for of in bases)
     return f"overturned in the same runs: {', '.join(shares)}"

@@ -97,7 +97,7 @@ def wider(worth: EquivalentWidening) -> str:
         f"more than {per_cent(worth.most)}" if math.isinf(x) else per_cent(x) if x >= 0.005 else "less than 1"
         for x in (worth.widening, worth.low, worth.high)
     )
-    caution = ", which does not allow for the decision by the same runs" if worth.decided else ""
+    caution = ", which does not allow for the decision by the same runs" if worth.same_runs else ""
     around = "" if low == high else f" (95 % interval {low} to {high} %{caution})"
     return f"{size} % wider{around}"
 
