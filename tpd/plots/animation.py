@@ -6,7 +6,6 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -126,11 +125,14 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
     centres = [round((i + 0.5) * view) for i in range(len(reels))]
     width, bottom = round(view * len(reels)), round(_ABOVE + (high - low) * scale)
 
+    fonts = {weight: findfont(FontProperties(weight=weight)) for weight in ("normal", "bold")}
+
     def pixels(points: np.ndarray, centre: int) -> list[tuple[float, float]]:
         return [(centre + scale * x, bottom + scale * (low - y)) for x, y in points.tolist()]
 
     def write(pen: Any, x: float, y: float, text: str, size: int, weight: str = "normal") -> None:
-        pen.text((x, y), text, INK, _font(size, weight), anchor="mm")
+        font = ImageFont.truetype(fonts[weight], round(size * _FINE * _DPI / 72.0))
+        pen.text((x, y), text, INK, font, anchor="mm")
 
     still = Image.new("RGB", (width, bottom + _BELOW), "white")
     pen = ImageDraw.Draw(still)
@@ -159,13 +161,6 @@ def _pictures(scene: Scene, reels: list[Reel], times: np.ndarray, speed: str) ->
         # Pixels of which a part is covered get a mixed colour, so that edges are smooth.
         pictures.append(picture.reduce(_FINE))
     return pictures
-
-
-@lru_cache(maxsize=8)
-def _font(size: int, weight: str) -> Any:
-    """Return the font of all pictures, of a size in points."""
-    path = findfont(FontProperties(weight=weight))
-    return ImageFont.truetype(path, round(size * _FINE * _DPI / 72.0))
 
 
 def _shapes(scene: Scene, r: Reel, i: int, factor: int) -> tuple[np.ndarray, np.ndarray]:

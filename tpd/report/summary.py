@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.core.formatting import compared, ends, number, percent
+from tpd.core.formatting import compared, number, per_cent, percent
 from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
 from tpd.design.design import Design
@@ -54,11 +54,11 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     for case in () if details is None else details.of("losses"):
         # Fewer runs alone can make a benefit insignificant. The same runs must also show a difference.
         if (x := case.difference) and x.high < 0.0 and not case.runs.reduction(case.measure)[1]:
-            by, around = percent(-x.mean), ends(-x.high, -x.low)
+            by, low, high = (per_cent(-value) for value in (x.mean, x.high, x.low))
             caution += (
                 f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: with {case.words} "
                 f"the reduction of the {MEASURED[case.measure]} is not significant, and it is smaller by "
-                f"{by[:-2]} points (95 % interval {around[:-2]}) than with the stated losses."
+                f"{by} points (95 % interval {low} to {high}) than with the stated losses."
             )
     return (danger if design.is_danger else note)(design.verdict + caution)
 
