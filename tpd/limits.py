@@ -587,11 +587,11 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     # A string and a table are iterable as well, but are never a list of limits.
     is_list = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
     if not is_list or checks.is_concrete(limits):
-        raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
+        raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.quote(limits)}")
     listed = tuple(limits)
     for limit in listed:
         if not isinstance(limit, Limit):
-            raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.shown(limit)}")
+            raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.quote(limit)}")
         if not _is_complete(limit):
             raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
     kinds = [type(limit) for limit in listed]
@@ -615,7 +615,7 @@ def check_objective(objective: object) -> Objective:
         return objective
     raise ValueError(
         "`objective` must be an object of a dataclass with a `name` that is a subclass of "
-        f"`tpd.limits.Objective`, but is {checks.shown(objective)}"
+        f"`tpd.limits.Objective`, but is {checks.quote(objective)}"
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tpd.core import formatting
-from tpd.core.formatting import Printed, Tabular, compared, counted, meant, number, percent, span
+from tpd.core.formatting import Printed, Tabular, counted, meant, number, pair_of, percent, span
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_a_number_is_printed_with_its_significant_digits(x, text):
     ],
 )
 def test_a_value_and_its_limit_are_printed_with_enough_digits_to_differ(value, limit, digits, form, texts):
-    assert compared(value, limit, digits, form) == texts
+    assert pair_of(value, limit, digits, form) == texts
 
 
 def test_counts_ranges_and_hints_are_readable_words():

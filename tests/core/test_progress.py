@@ -3,7 +3,7 @@
 import io
 import time
 
-from tpd.core.progress import COMPILING, Bar, shown, shown_count, unreported
+from tpd.core.progress import COMPILING, Bar, bar_for, count_for, unreported
 
 
 class Terminal(io.StringIO):
@@ -48,15 +48,15 @@ def test_progress_in_a_terminal_is_a_bar():
 
 def test_the_argument_progress_is_true_or_a_function():
     seen = []
-    with shown(True) as bar, shown_count(True, "mapping") as count:
+    with bar_for(True) as bar, count_for(True, "mapping") as count:
         assert isinstance(bar, Bar)
         count(1, 2)
-    with shown(lambda *x: seen.append(x)) as report, shown_count(seen.append, "mapping") as own:
+    with bar_for(lambda *x: seen.append(x)) as report, count_for(seen.append, "mapping") as own:
         report("searching", 1, 2)
         assert own == seen.append
     assert seen == [("searching", 1, 2)]
     for nothing in (None, False):
-        with shown(nothing) as report, shown_count(nothing, "mapping") as count:
+        with bar_for(nothing) as report, count_for(nothing, "mapping") as count:
             assert report is unreported
             report("searching", 1, 2)
             count(1, 2)

@@ -55,7 +55,7 @@ def test_a_file_must_end_after_its_last_line():
     assert header.match(2, r"dt (\d)", "a step")[1] == "5"
     with pytest.raises(UnreadableRecord, match="line 1 must state a step"):
         header.match(1, r"dt (\d)", "a step")
-    assert text.shown("x " * 99) == repr(("x " * 25) + "...")
+    assert text.quote("x " * 99) == repr(("x " * 25) + "...")
 
 
 class Counted(list):

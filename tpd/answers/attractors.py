@@ -19,7 +19,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
-from tpd.core.progress import shown_count
+from tpd.core.progress import count_for
 from tpd.models.base import scale_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ensemble import StartKind as StartKind
@@ -119,7 +119,7 @@ def attractors(
     checks.instance("starts", starts, Starts)
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
-    with shown_count(progress, "following") as report:
+    with count_for(progress, "following") as report:
         # All initial states are followed at once, without Newton's method.
         forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         settled = follow(Terms.linear, row_of(fixed), forcing, y0=y0, progress=report, **limits)

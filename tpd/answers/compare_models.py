@@ -15,7 +15,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, bar_for
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, parameters_without_pendulum
 from tpd.scene.scene import Pendulum, Scene
@@ -158,7 +158,7 @@ def check(
     # Traced or batched parameters are rejected here, because the models are called one after the other.
     p, names = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
     rows = []
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         for i, name in enumerate(names):
             rows.append(_timed(name, p))
             report("checking", i + 1, len(names))

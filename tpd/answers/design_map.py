@@ -16,7 +16,7 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
-from tpd.core.progress import shown_count
+from tpd.core.progress import count_for
 from tpd.models.base import scale_of
 from tpd.scene.parameters import NAMES, Parameters, from_row
 from tpd.scene.quantities import UNITS, Setup, named
@@ -172,7 +172,7 @@ def design_map(
     designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
     expected = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), expected)
-    with shown_count(progress, "mapping") as report:
+    with count_for(progress, "mapping") as report:
         if cluster is None:
             answer = _answers(designs, y0, None, report)
         else:
@@ -206,7 +206,7 @@ def _answers(
 def line_of(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """Return name and values of one axis after their checks."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
-        raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
+        raise ValueError(f"`{argument}` must be a name and its values, but is {checks.quote(axis)}")
     name, values = named(axis[0]), checks.increasing(f"values of {argument}", axis[1])
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):

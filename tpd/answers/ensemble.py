@@ -18,7 +18,7 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
-from tpd.core.progress import shown_count
+from tpd.core.progress import count_for
 from tpd.scene.conditions import FACTORS, Conditions, check_restitution, factors_at, under_each
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.parameters import Parameters
@@ -131,6 +131,6 @@ def outcomes(
     forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.growth)
     inputs: dict[str, Any] = {"condition": runs.condition, "seed": ensemble.seed or 0}
     inputs |= {"growth": runs.growth, "disturbed": runs.disturbed}
-    with shown_count(progress, "following") as report:
+    with count_for(progress, "following") as report:
         where = {"workers": workers, "cluster": cluster, "progress": report}
         return follow_runs(terms, row_of(runs.p), forcing, y0=runs.y0, rtol=rtol, **inputs, **where)

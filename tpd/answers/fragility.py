@@ -21,7 +21,7 @@ from tpd.answers.statistics import LEVEL, ROUNDING, SIGNIFICANT, added_up, mcnem
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed, aligned, compared
+from tpd.core.formatting import Printed, aligned, pair_of
 from tpd.records.intensity import intensity_of, measure_of
 from tpd.scene.ground_motion import (
     LEAST_EARTHQUAKES,
@@ -185,7 +185,7 @@ class Fragility(Printed, Cases):
         if self.p_medians is None:
             return f"The median of the state {state} is {median_words(first)}."
         # An infinite median is one above all stripes, and has no number.
-        two = " {} and {}".format(*compared(first, last)) if math.isfinite(first + last) else ""
+        two = " {} and {}".format(*pair_of(first, last)) if math.isfinite(first + last) else ""
         differ = "differ" if self.p_medians[state] < SIGNIFICANT else "do not differ"
         return f"The medians{two} ({state}) {differ} significantly (p = {self.p_medians[state]:.2g})."
 

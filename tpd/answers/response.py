@@ -16,7 +16,7 @@ from tpd.answers.steady_state import steady_state
 from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, bar_for
 from tpd.scene.parameters import Parameters, as_arrays, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
@@ -266,7 +266,7 @@ def settled_response(
     line = checks.array("values", listed, (-1,), "one or more numbers")
     axis.check(*line)
     rows = []
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         # One value after the other, because in a batch all values would wait for the slowest transient.
         for i, value in enumerate(line):
             steady = steady_state(as_arrays(axis.setup.at({axis.name: float(value)})))

@@ -29,7 +29,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     files.today()
     if not (options.quiet or options.json):
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
-    with progress.shown(not options.quiet) as bar:
+    with progress.bar_for(not options.quiet) as bar:
         design, points = solve_problem(problem, bar), ()
         # Lighter pendulums make sense only beside a pendulum that passes the validation.
         if job.full["search"]["pareto"] and design.status in VALIDATED:

@@ -82,7 +82,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         checks.optional("dask", dask, str)
         place = files.path_of(folder)
         if place.exists() and not place.is_dir():
-            raise ValueError(f"`folder` must be a folder, but is {checks.shown(str(folder))}")
+            raise ValueError(f"`folder` must be a folder, but is {checks.quote(str(folder))}")
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")
         if workers is not None:

@@ -131,7 +131,7 @@ def _array(leaf: Any) -> np.ndarray:
     type."""
     array, plain = np.asarray(leaf), checks.plain("batch", leaf)
     if array.dtype.kind in "mMOSU":
-        raise ValueError(f"`batch` must be arrays of numbers, but has {checks.shown(array)}")
+        raise ValueError(f"`batch` must be arrays of numbers, but has {checks.quote(array)}")
     return np.asarray(plain) if array.dtype.kind == "f" else array
 
 

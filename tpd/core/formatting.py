@@ -67,7 +67,7 @@ def with_and_without(pendulum: float, without: float) -> str:
     return f"{percent(pendulum, 1)} with the pendulum, {percent(without, 1)} without it"
 
 
-def compared(
+def pair_of(
     value: float, limit: float, digits: int = 2, form: Callable[[float, int], str] = number
 ) -> tuple[str, str]:
     """Format a value and a limit with as many digits as show on which side of the limit the value is.
@@ -79,7 +79,7 @@ def compared(
         form: function of (number, digits), such as `number` or `percent`.
 
     Example:
-        >>> compared(0.3304, 0.33), compared(0.0104, 0.01, 1, percent)
+        >>> pair_of(0.3304, 0.33), pair_of(0.0104, 0.01, 1, percent)
         (('0.3304', '0.33'), ('1.04 %', '1.00 %'))
     """
     pairs = [(form(value, n), form(limit, n)) for n in range(digits, 10)]

@@ -126,7 +126,7 @@ class Bar:
 
 
 @contextlib.contextmanager
-def shown(progress: Progress | bool | None) -> Iterator[Progress]:
+def bar_for(progress: Progress | bool | None) -> Iterator[Progress]:
     """Return the function for an argument `progress`: True is a `Bar`, False or None is `unreported`.
 
     Raises:
@@ -142,15 +142,15 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress]:
     else:
         from tpd.core import checks
 
-        raise ValueError(f"`progress` must be True or a function, but is {checks.shown(progress)}")
+        raise ValueError(f"`progress` must be True or a function, but is {checks.quote(progress)}")
 
 
 @contextlib.contextmanager
-def shown_count(progress: Count | bool | None, stage: str) -> Iterator[Count]:
-    """Return the function for an argument `progress`, as `shown`, for work with a single stage."""
+def count_for(progress: Count | bool | None, stage: str) -> Iterator[Count]:
+    """Return the function for an argument `progress`, as `bar_for`, for work with a single stage."""
     if isinstance(progress, bool):
-        with shown(progress) as bar:
+        with bar_for(progress) as bar:
             yield partial(bar, stage)
     else:
-        with shown(progress) as function:  # type: ignore[arg-type]
+        with bar_for(progress) as function:  # type: ignore[arg-type]
             yield function  # type: ignore[misc]

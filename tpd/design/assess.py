@@ -14,7 +14,7 @@ from tpd.answers.run_table import Runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
 from tpd.core.formatting import Printed, ends, number, percent
-from tpd.core.progress import Progress, shown, unreported
+from tpd.core.progress import Progress, bar_for, unreported
 from tpd.design.alternatives import Alternatives, alternatives
 from tpd.design.first_guess import first_guess
 from tpd.design.optimise import problem_of
@@ -158,7 +158,7 @@ def assess(
         5.7
     """
     problem = problem_alone(scene, conditions=conditions, **settings)
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         return assessed(problem, report)
 
 

@@ -444,7 +444,7 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
     for limit in limits:
         if not limit.of_motion:
             names = ", ".join(kind.__name__ for kind in LIMIT_KINDS if kind.of_motion)
-            raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.shown(limit)}")
+            raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.quote(limit)}")
 
 
 def grouped(

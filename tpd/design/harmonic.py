@@ -179,7 +179,7 @@ class HarmonicProblem(Problem):
         if not (is_linear or isinstance(model, Piecewise)):
             raise ValueError(
                 "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric "
-                f"orbits can be followed, but is {checks.shown(model)}"
+                f"orbits can be followed, but is {checks.quote(model)}"
             )
         model.check(heaviest)
         return model

@@ -23,7 +23,7 @@ from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, aligned, counted, number
-from tpd.core.progress import Count, Progress, shown, shown_count, unreported
+from tpd.core.progress import Count, Progress, bar_for, count_for, unreported
 from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import GroundMotionProblem
@@ -113,7 +113,7 @@ def optimise(
     inputs: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
     inputs |= {"requirements": requirements, "seed": seed, "objective": objective, "starts": starts}
     problem = problem_of(scene, space, conditions=conditions, validation_share=validation_share, **inputs)
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         return solve_problem(problem, report)
 
 
@@ -318,7 +318,7 @@ def optimise_all(
     if settings.get("limits") is not None:
         settings["limits"] = tuple(settings["limits"])
     shared, n = (tuple(scenes), settings), len(scenes)
-    with shown_count(progress, "searching") as report:
+    with count_for(progress, "searching") as report:
         if cluster is None:
             columns = _rows_of(np.arange(n), *shared, report)
         else:

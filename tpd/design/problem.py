@@ -20,7 +20,7 @@ from tpd.answers.paired import OVERTURNS, PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.answers.statistics import quantile_of
 from tpd.core import checks
-from tpd.core.formatting import compared
+from tpd.core.formatting import pair_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job, job_of
@@ -426,9 +426,12 @@ class Problem(ABC):
         """Sentences about a block that does not rock under the excitation, with its safety factor."""
         status, alone = self.needs_none, self.at_rest
         if status is DesignStatus.slides:
-            at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
+            at, uplift = pair_of(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        stays, (times, _) = f"{DesignStatus.no_uplift.head}: {STAYS}", compared(alone.safety_factor, 1.0)
+        stays, (times, _) = (
+            f"{DesignStatus.no_uplift.head}: {STAYS}",
+            pair_of(alone.safety_factor, 1.0),
+        )
         return f"{stays}, and an excitation that is {times} times as strong would lift it. {AFTER_PUSH}"
 
     @property

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tpd.core.formatting import compared, ends, number, per_cent, percent
+from tpd.core.formatting import ends, number, pair_of, per_cent, percent
 from tpd.limits import LABELS, LIMIT_KINDS, MEASURED, Limit, Reserve, Worsening
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 
@@ -240,7 +240,7 @@ class Reason:
         digits = (counts | {kinds.slides: 2, kinds.breaks_limit: 3}).get(self.kind)
         # Shares of runs, tilts and their increases are in per cent.
         form, digits = (number, digits) if digits and not self.is_increase else (percent, 1)
-        value, reference = compared(self.value, self.reference, digits, form)
+        value, reference = pair_of(self.value, self.reference, digits, form)
         kind = next((x for x in LIMIT_KINDS if x.name == self.limit), Limit)
         excess = f"{value} times the limit"
         # A size without a unit is already divided by its limit.
@@ -252,14 +252,14 @@ class Reason:
     def _fall(self, value: str, reference: str) -> dict[str, str]:
         """Return the texts on a reduction that is too small: what it is, and what is required."""
         # A negative reduction is described as an increase.
-        rise = compared(-self.value, -self.reference, 1, percent)[0]
+        rise = pair_of(-self.value, -self.reference, 1, percent)[0]
         certain, of = CERTAIN * self.reference, MEASURED.get(self.measure, MEASURED["tilt"])
         is_fall = not self.value < 0.0
         falls = f"{of} {'falls' if is_fall else 'increases'} by {value if is_fall else rise}"
         if math.isfinite(self.without_pendulum):
             falls += f", from {percent(self.without_pendulum, 1)} to {percent(self.with_pendulum, 1)}"
         # The lower end has the digits that show on which side of the required one it is.
-        low, least = compared(self.low, certain, 1, per_cent)
+        low, least = pair_of(self.low, certain, 1, per_cent)
         if math.isnan(self.value):
             falls = f"change of the {of} is unknown{_UNKNOWN.get(self.measure, '')}"
         elif math.isfinite(self.low):

@@ -80,7 +80,7 @@ def _check_transformation(optimiser: object) -> None:
     if not isinstance(optimiser, optax.GradientTransformation):
         raise ValueError(
             f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
-            f"{checks.shown(optimiser)}"
+            f"{checks.quote(optimiser)}"
         )
     # A trial step: an optimiser with a line search also requires the value of the objective, and raises here.
     x = np.array([0.3, 0.6])

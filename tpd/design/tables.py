@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 from msgspec import Meta
 
-from tpd.core.checks import shown
+from tpd.core.checks import quote
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
 from tpd.design.risk import Risk
@@ -439,7 +439,7 @@ def typed_tables(tables: Mapping[str, Any]) -> Tables:
         if table not in TABLES:
             raise ValueError(f"there is no table [{_cut(table)}]{meant(table, TABLES)}")
         if not isinstance(values, Mapping):
-            raise ValueError(f"`{table}` must be a table, but is {shown(values)}")
+            raise ValueError(f"`{table}` must be a table, but is {quote(values)}")
         out[table] = {}
         for key, value in values.items():
             if key not in TABLES[table]:
@@ -452,14 +452,14 @@ def typed_tables(tables: Mapping[str, Any]) -> Tables:
                 words, close = allowed(msgspec.json.schema(type_)), ""
                 if isinstance(value, str):
                     close = meant(value, msgspec.json.schema(type_).get("enum", ()), listing=False)
-                close = close or number_hint(shown(value))
-                raise ValueError(f"`{table}.{key}` must be {words}, but is {shown(value)}{close}") from None
+                close = close or number_hint(quote(value))
+                raise ValueError(f"`{table}.{key}` must be {words}, but is {quote(value)}{close}") from None
     return out
 
 
 def _cut(name: str) -> str:
     """Return a name in the form in which a message shows it."""
-    return shown(name).strip("'")
+    return quote(name).strip("'")
 
 
 def allowed(schema: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from tpd.compiled.rows import ground_row_of, row_of
 from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, bar_for
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import Accelerations, EngineRuns, available, follow, free_rocking
 from tpd.scene.ground_motion import GroundMotion
@@ -223,7 +223,7 @@ def mujoco(
     # Impacts in an engine are Housner's, so e does not scatter.
     ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     version = available()
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         case = _Case(scene, ensemble, sliding, workers, report)
         # An engine with other impacts than Housner's is rejected before the long runs.
         e = case.restitution()

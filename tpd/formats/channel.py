@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, shown
+from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, quote
 
 
 class Remark(str):
@@ -237,7 +237,7 @@ def unit_of(text: str, line: int) -> str:
     unit = unit_spelling(text)
     if unit not in FACTORS:
         wanted = f"a unit of acceleration ({_SHOWN})"
-        raise UnreadableRecord(f"line {line} must state {wanted}, but has {shown(text)}")
+        raise UnreadableRecord(f"line {line} must state {wanted}, but has {quote(text)}")
     return unit
 
 

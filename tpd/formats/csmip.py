@@ -23,7 +23,7 @@ from tpd.formats.channel import (
     factor_of,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, real, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, quote, real
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
 _V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13
@@ -157,7 +157,7 @@ def _headers(cursor: Cursor, integers: int, reals: int) -> None:
             line = cursor.next(f"the end of the {what} header").rstrip()
             if len(line) % width or re.search(r"[A-Za-z]{2}", line):
                 wrong = f"line {cursor.at} must belong to the {what} header"
-                raise UnreadableRecord(f"{wrong}, but is {shown(line)}")
+                raise UnreadableRecord(f"{wrong}, but is {quote(line)}")
 
 
 def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Description]:

@@ -19,7 +19,7 @@ from tpd.formats.channel import (
     factor_of,
     unit_of,
 )
-from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
+from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, quote
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
 _EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
@@ -43,7 +43,7 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     head = _head(cursor)
     kind = _text(head, "DATA_TYPE")
     if kind.upper() != "ACCELERATION":
-        wrong = f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}"
+        wrong = f"DATA_TYPE must be ACCELERATION, but is {quote(kind)}"
         if re.fullmatch(r"VELOCITY|DISPLACEMENT|.*SPECTR.*", kind, re.IGNORECASE):
             raise NoAcceleration(wrong, kind.lower())
         raise UnreadableRecord(wrong)
@@ -86,7 +86,7 @@ def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
         if match[1] in head:
             raise UnreadableRecord(f"line {cursor.at} states {match[1]} a second time")
         if match[2].strip() and _FACTOR.search(match[1].replace("FULL_SCALE", "")):
-            raise UnreadableRecord(f"line {cursor.at} has {shown(match[0])}, which is not understood")
+            raise UnreadableRecord(f"line {cursor.at} has {quote(match[0])}, which is not understood")
         head[match[1]] = (cursor.at, match[2].strip())
     return head
 
@@ -102,5 +102,5 @@ def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
     if not text:
         return None
     if not re.fullmatch(NUMBER, text):
-        raise UnreadableRecord(f"line {line} must state {key} as a number, but has {shown(text)}")
+        raise UnreadableRecord(f"line {line} must state {key} as a number, but has {quote(text)}")
     return Decimal.of(text)

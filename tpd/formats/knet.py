@@ -22,7 +22,7 @@ from tpd.formats.channel import (
     factor_of,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, real, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, quote, real
 
 _KEYS = (
     *("Origin Time", "Lat.", "Long.", "Depth. (km)", "Mag.", "Station Code", "Station Lat."),
@@ -71,7 +71,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
             wanted = f"whole numbers of {_COLUMN} characters"
-            raise UnreadableRecord(f"line {cursor.at} must contain {wanted}, but is {shown(line)}")
+            raise UnreadableRecord(f"line {cursor.at} must contain {wanted}, but is {quote(line)}")
         numbers += [number(cell, cursor.at) for cell in row]
     cursor.require_end()
     counts = np.array(numbers)
@@ -95,7 +95,7 @@ def _head(cursor: Cursor) -> dict[str, str]:
     for key in _KEYS:
         line = _key(cursor.next(key))
         if not line.startswith(key):
-            raise UnreadableRecord(f"line {cursor.at} must state {key!r}, but is {shown(line)}")
+            raise UnreadableRecord(f"line {cursor.at} must state {key!r}, but is {quote(line)}")
         head[key] = line[max(len(key), _WIDTH if line[len(key) : _WIDTH].isspace() else 0) :].strip()
     return head
 
@@ -104,7 +104,7 @@ def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
     """Return the match of a pattern in the value of a key, or raise `UnreadableRecord`."""
     match = re.fullmatch(pattern, head[key], flags=re.IGNORECASE)
     if match is None:
-        raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {shown(head[key])}")
+        raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {quote(head[key])}")
     return match
 
 
@@ -128,7 +128,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     while cursor.peek().startswith("#"):
         head.append(cursor.next("the columns").lstrip("# ").strip())
     if not head or not _COLUMNS.match("#" + head[-1]):
-        last = shown(head[-1] if head else "")
+        last = quote(head[-1] if head else "")
         raise UnreadableRecord(f"line {cursor.at} must name the columns, but is {last}")
     names = [name.strip() for name in head[-1].split(",")][2:]
     rows, first = [], cursor.line
@@ -176,5 +176,5 @@ def _number_of(head: Sequence[str], key: str) -> Decimal:
     """Return the number in the line after the line that begins with a key."""
     text = re.sub(r"\s*(?:Hz|s)$", "", _below(head, key), flags=re.IGNORECASE)
     if not re.fullmatch(NUMBER, text):
-        raise UnreadableRecord(f"the header must state {key} as a number, but has {shown(text)}")
+        raise UnreadableRecord(f"the header must state {key} as a number, but has {quote(text)}")
     return Decimal.of(text)

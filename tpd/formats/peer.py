@@ -14,7 +14,7 @@ from tpd.formats.channel import (
     orientation,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, real, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, quote, real
 
 _QUANTITY = re.compile(r"\s*(.*?)\s+TIME\s+(?:HISTORY|SERIES)\b(?:\s+IN\s+UNITS?\s+OF\b)?(.*)", re.IGNORECASE)
 _FILTER = re.compile(
@@ -62,7 +62,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     numbers = _COUNT_AND_STEP.fullmatch(head[-1])
     units = [((numbers and numbers[i]) or "s").lower() for i in (3, 7)]
     if numbers is None or not {*units} <= {*TIMES}:
-        raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
+        raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {quote(head[-1])}")
     count, dt = int(numbers[1] or numbers[4]), real(numbers[2] or numbers[5]) * TIMES[units[0]]
     # The numbers are usually in columns of Fortran, but some programs separate them by blanks.
     values = cursor.free("the samples")
@@ -97,12 +97,12 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
         raise UnreadableRecord(f"the header must state {wanted}, but does not")
     line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
-        wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"
+        wrong = f"line {line} must state an ACCELERATION, but is {quote(head[line - 1])}"
         if other := re.search(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
             raise NoAcceleration(wrong, other[0].lower())
         raise UnreadableRecord(wrong)
     count = next((i for i, text in enumerate(head) if "NPTS" in text.upper()), len(head))
     for i, text in enumerate(head[:count], 1):
         if i != line and (word := _NO_NAME.search(text)):
-            raise UnreadableRecord(f"line {i} has {shown(word[0])}, which is not understood")
+            raise UnreadableRecord(f"line {i} has {quote(word[0])}, which is not understood")
     return line, unit_of(_FILTER.sub("", quantity[2]), line)

@@ -33,7 +33,7 @@ from tpd.formats.channel import (
 )
 from tpd.formats.table import Options as Options
 from tpd.formats.table import columns_in_words, overview, read_table
-from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
+from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, quote
 
 _MOST = 200_000_000
 """Largest number of bytes of a file, also after decompression."""
@@ -189,7 +189,7 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     if how.columns is not None or how.skip:
         return read_table(cursor, how)
     if _SPECTRA.match(cursor.peek()):
-        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
+        raise NoAcceleration(f"a motion is needed, but line 1 is {quote(cursor.peek())}", "response spectrum")
     # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
     # read as a table.
     reader = _reader_of(cursor)

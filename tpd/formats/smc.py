@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tpd.formats.channel import UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, factor_of
-from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, count_of, shown
+from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, count_of, quote
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM(.*)", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
@@ -39,7 +39,7 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     text = cursor.skip(_TEXT, "the end of the text header")
     kind = _KINDS.match(text[0])
     if kind is None or kind[3].strip():
-        wrong = f"line 1 must be an accelerogram, corrected or not, but is {shown(text[0])}"
+        wrong = f"line 1 must be an accelerogram, corrected or not, but is {quote(text[0])}"
         if other := _OTHER.match(text[0]):
             raise NoAcceleration(wrong, _CONTENTS.get(other[1].lower(), other[1].lower()))
         raise UnreadableRecord(wrong)

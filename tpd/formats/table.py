@@ -37,8 +37,8 @@ from tpd.formats.text import (
     no_thousands,
     number,
     numbers,
+    quote,
     real,
-    shown,
     splitter,
     step_of,
 )
@@ -267,7 +267,7 @@ def _rows(cursor: Cursor, table: _Table, is_table: bool) -> list[_Row]:
     # One comma in every row separates two columns only if there are several.
     if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in table.rows):
         meaning = "one number with a decimal comma: write the numbers with decimal points"
-        raise UnreadableRecord(f"line {line} has {shown(text)}, which may be {meaning}")
+        raise UnreadableRecord(f"line {line} has {quote(text)}, which may be {meaning}")
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -321,7 +321,7 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
     reason = _conflict(columns)
     if table.unknown:
         line, part = table.unknown[-1]
-        reason = f"line {line} has {shown(part)}, which is not understood"
+        reason = f"line {line} has {quote(part)}, which is not understood"
     elif not table.columns and table.width > 1:
         reason = f"line {table.rows[0][0]} has {table.width} numbers, but no line above names the columns"
     if reason:
@@ -373,7 +373,7 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     """Return the index of a column, and what the user states about it, which must agree with the header."""
     if (column := _column(name, is_stated=True)) is None:
         allowed = "names of times, accelerations or directions, such as 'time (ms)', N and 'E (gal)'"
-        raise ValueError(f"`columns` must contain {allowed}, but has {shown(name)}")
+        raise ValueError(f"`columns` must contain {allowed}, but has {quote(name)}")
     cell, says = next(iter(zip(table.cells[at - 1 :], table.columns[at - 1 :], strict=True)), ("", None))
     says = says or column
     # An acceleration without a direction agrees with any direction.
@@ -383,7 +383,7 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     is_other = "time" in meanings or "vertical" in meanings or any(meanings <= pair for pair in _HORIZONTAL)
     differ = len(meanings) > 1 and is_other
     if _OTHER.search(cell) or len(units) > 1 or differ:
-        raise UnreadableRecord(f"the header names column {at} {shown(cell)}, but `columns` names it {name!r}")
+        raise UnreadableRecord(f"the header names column {at} {quote(cell)}, but `columns` names it {name!r}")
     return at - 1, replace(column, unit=column.unit or says.unit)
 
 
@@ -428,7 +428,7 @@ def _check_shape(rows: Sequence[_Row], step: float | None, width: int) -> None:
     for k, (line, cells) in enumerate(rows if width else rows[:-1]):
         if len(cells) != full:
             options = {"skip": line} if k == 0 and len(rows) > 2 else {}
-            wrong = f"line {line} must have {full} numbers, but has {shown(' '.join(cells))}"
+            wrong = f"line {line} must have {full} numbers, but has {quote(' '.join(cells))}"
             raise UnreadableRecord(wrong, **options)
     decimals = 2 * sum("." in row[0] for _, row in rows) > len(rows)
     for k in (1, 0) if len(rows) > 3 and full == width == 1 else ():
@@ -437,4 +437,4 @@ def _check_shape(rows: Sequence[_Row], step: float | None, width: int) -> None:
         # A whole number above decimals is not a sample.
         if value in (count, count - 1, step) or (decimals and value and "." not in cell):
             meaning = f"the step or the number of samples: columns={ROWS!r} reads it as a sample"
-            raise UnreadableRecord(f"line {line} has {shown(cell)}, which can be {meaning}", skip=line)
+            raise UnreadableRecord(f"line {line} has {quote(cell)}, which can be {meaning}", skip=line)

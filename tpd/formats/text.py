@@ -86,7 +86,7 @@ class Decimal:
         return Decimal(real(text), float(f"1e{int(exponent or 0) - decimals}"))
 
 
-def shown(text: str) -> str:
+def quote(text: str) -> str:
     """Return a piece of a file as a message shows it."""
     clean = " ".join(text.split())
     return repr(clean if len(clean) <= _LONGEST else clean[:_LONGEST] + "...")
@@ -103,7 +103,7 @@ def number(text: str, line: int) -> float:
     texts."""
     value = real(text) if _NUMBER.fullmatch(text.strip()) else math.nan
     if not math.isfinite(value):
-        raise UnreadableRecord(f"line {line} must contain numbers, but has {shown(text)}")
+        raise UnreadableRecord(f"line {line} must contain numbers, but has {quote(text)}")
     return value
 
 
@@ -123,7 +123,7 @@ def _stated(pattern: str, what: str, line: str, where: str) -> re.Match[str]:
     """Return the match of a pattern in a line, ignoring case, or raise `UnreadableRecord`."""
     match = re.search(pattern, line, flags=re.IGNORECASE)
     if match is None:
-        raise UnreadableRecord(f"{where} must state {what}, but is {shown(line)}")
+        raise UnreadableRecord(f"{where} must state {what}, but is {quote(line)}")
     return match
 
 
@@ -160,7 +160,7 @@ def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
     commas = [word for word in words if "," in word and len(split(word)) == 1]
     for marked in (commas, [word for word in words if commas and "," not in word]):
         if marked and all(map(_THOUSANDS.fullmatch, marked)):
-            wrong = f"{shown(marked[0])} may have a separator of thousands or a decimal one"
+            wrong = f"{quote(marked[0])} may have a separator of thousands or a decimal one"
             remedy = "write the numbers with decimal points and without separators of thousands"
             raise UnreadableRecord(f"{wrong}: {remedy}")
 
@@ -291,7 +291,7 @@ class Cursor:
             whole: whether the file shows in another way that it was not cut.
         """
         if not self.only_blank_lines_follow():
-            last = shown(self.peek())
+            last = quote(self.peek())
             raise UnreadableRecord(f"line {self.line} must be the end of the file, but is {last}")
         if not (self.ended or whole):
             wrong = f"the last line, {len(self.lines)}, must end with a line break, but does not"
@@ -316,7 +316,7 @@ class Cursor:
             expected = min(columns, count - len(values))
             if len(line) != expected * width:
                 wanted = f"{expected} {what} of {width} characters"
-                raise UnreadableRecord(f"line {self.at} must contain {wanted}, but is {shown(line)}")
+                raise UnreadableRecord(f"line {self.at} must contain {wanted}, but is {quote(line)}")
             values += [(self.at, line[i : i + width].strip()) for i in range(0, len(line), width)]
         return numbers(values)
 
@@ -328,7 +328,7 @@ class Cursor:
             line = re.sub(r"(\.\d*)([+-]\d{3})(?![\d.])", r"\1E\2", self.next(what))
             if odd := re.search(r"\S*\.\d*[+-]\d+(?![\d.])\S*", line):
                 meaning = "one number without the letter of its exponent, or two numbers"
-                raise UnreadableRecord(f"line {self.at} has {shown(odd[0])}, which may be {meaning}")
+                raise UnreadableRecord(f"line {self.at} has {quote(odd[0])}, which may be {meaning}")
             # In columns of Fortran a negative number may follow the previous number without a blank.
             values += [(self.at, token) for token in re.sub(r"(?<=[\d.])(?=[+-])", " ", line).split()]
         return numbers(values)
@@ -347,5 +347,5 @@ def fortran(text: str, line: int) -> tuple[int, int, float]:
     # A format without a number of columns has one column.
     match = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
     if match is None or int(match[2]) == 0 or match[1] == "0":
-        raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")
+        raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {quote(text)}")
     return int(match[1] or 1), int(match[2]), 10.0 ** -int(match[3] or 0)

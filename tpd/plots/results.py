@@ -71,7 +71,7 @@ def plot(
     kind = next((kind for base, kind in _KINDS.items() if isinstance(result, base)), None)
     if kind is None:
         names = ", ".join(base.__name__ for base in _KINDS)
-        raise ValueError(f"`result` must have a picture ({names}), but is {checks.shown(result)}")
+        raise ValueError(f"`result` must have a picture ({names}), but is {checks.quote(result)}")
     # The last name is that of the axes.
     draw, *allowed = kind
     stated = {"what": what, "quantity": quantity, "state": state, "without": without, "own": own}
@@ -85,7 +85,7 @@ def plot(
             of = type(result).__name__
             raise ValueError(f"`{name}` does not apply to a {of}: allowed are {', '.join(allowed)}")
         if target in options:
-            raise ValueError(f"`{name}` has two values: {checks.shown([options[target], value])}")
+            raise ValueError(f"`{name}` has two values: {checks.quote([options[target], value])}")
         options[target] = value
     # Without this check Matplotlib would fail later with a message about a missing attribute.
     for each in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from tpd.answers.response import Response
 from tpd.core import checks, files
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, bar_for
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.as_built import details as compute
 from tpd.design.design import Design
@@ -125,7 +125,7 @@ def write_report(
     checks.flag("overwrite", overwrite)
     folder = files.path_of(folder)
     files.claim(folder, overwrite=overwrite)
-    with shown(progress) as report:
+    with bar_for(progress) as report:
         results = compute(design, progress=report) if details is None else details
     # No job file can describe a limit that the user defined, or motions that exist only in Python.
     try:

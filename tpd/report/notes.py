@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.response import Response, window
-from tpd.core.formatting import compared, percent
+from tpd.core.formatting import pair_of, percent
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
@@ -138,7 +138,7 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
             "`--exactly` and `--no-walls` limits the clearance."
         )
         for when, angle in angles.items()
-        if (reach := float(bob.reach(mass, length, angle))) > wall and (touched := compared(reach, wall, 3))
+        if (reach := float(bob.reach(mass, length, angle))) > wall and (touched := pair_of(reach, wall, 3))
     ]
 
 

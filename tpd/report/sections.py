@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
-from tpd.core.formatting import compared, interval, number, percent, unanswered
+from tpd.core.formatting import interval, number, pair_of, percent, unanswered
 from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import reduced
@@ -213,7 +213,7 @@ def _utilisation(design: Design, build: Build | None) -> list[Block]:
             LABELS.get(name, name),
             words.limit(limits[name]) if name in limits else words.limit_of_size(name, design, build),
             _concerns(name, design),
-            compared(shares[name], 1.0, 0, percent)[0] if name in shares else None,
+            pair_of(shares[name], 1.0, 0, percent)[0] if name in shares else None,
         )
         for name in {**limits, **shares}
     )

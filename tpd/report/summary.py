@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.core.formatting import compared, number, per_cent, percent
+from tpd.core.formatting import number, pair_of, per_cent, percent
 from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
 from tpd.design.design import Design
@@ -189,7 +189,7 @@ def _clearance(design: Design, over_limit: float) -> tuple[str, str]:
         return "runs", text
     if not math.isnan(used := design.usage[Clearance.name]):
         wall = number(0.5 * float(design.scene.block.clear_width))
-        share = compared(used, 1.0, 0, percent)[0]
+        share = pair_of(used, 1.0, 0, percent)[0]
         text += f"; in {percent(1.0 - allowed)} of these runs the bob uses at most {share} of the distance "
         text += f"between axis and wall, {wall} m as stated"
     return "clearance", text
@@ -198,7 +198,7 @@ def _clearance(design: Design, over_limit: float) -> tuple[str, str]:
 def active_limits(design: Design) -> str:
     """List the active limits, and the bounds of the search that the design lies on."""
     shares = {LABELS.get(name, name): x for name, x in design.usage.items() if x >= _USED}
-    active = [f"{label}, utilisation {compared(x, 1.0, 0, percent)[0]}" for label, x in shares.items()]
+    active = [f"{label}, utilisation {pair_of(x, 1.0, 0, percent)[0]}" for label, x in shares.items()]
     listed = "; ".join([*active, *design.at_bounds])
     return f"active: {listed}" if listed else "no limit is active"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import compared, number, per_cent, percent, unanswered, with_and_without
+from tpd.core.formatting import number, pair_of, per_cent, percent, unanswered, with_and_without
 from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
@@ -56,7 +56,7 @@ def kept(design: Design) -> str:
 
 def exceeding(share: float, allowed: float, limit: str = "") -> str:
     """Return a clause with the share of the runs that exceed a limit, beside the share that is allowed."""
-    exceeds, most = compared(share, allowed, 1, percent)
+    exceeds, most = pair_of(share, allowed, 1, percent)
     which = f"the limit on {LABELS.get(limit, limit)}" if limit else "a limit"
     return f"{exceeds} of the surviving runs exceed {which} (at most {most} allowed)"
 

@@ -117,11 +117,11 @@ class Hazard:
         of = f"{shape[0]} {way.replace('_', ' ')}{' per year' * (way == 'rates')}, one for each level"
         x = checks.positive(way, checks.array(way, getattr(self, way), shape, of), every=True)
         if way == "probabilities" and np.any(x >= 1.0):
-            raise ValueError(f"`{way}` must be below 1 (10 % is 0.1), but are {checks.shown(x)}")
+            raise ValueError(f"`{way}` must be below 1 (10 % is 0.1), but are {checks.quote(x)}")
         sign = 1.0 if way == "return_periods" else -1.0
         if not np.all(sign * np.diff(x) > 0.0):
             wanted = "increase" if sign > 0.0 else "fall"
-            raise ValueError(f"`{way}` must {wanted} from level to level, but are {checks.shown(x)}")
+            raise ValueError(f"`{way}` must {wanted} from level to level, but are {checks.quote(x)}")
         if way == "probabilities":
             return -np.log1p(-x) / checks.positive("years", self.years, 1.0, 1e4)
         return x if way == "rates" else 1.0 / x

@@ -70,7 +70,7 @@ class Record(GroundMotion):
         for name in ("name", "event", "source"):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
-            raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
+            raise ValueError(f"`notes` must be a tuple of strings, but is {checks.quote(self.notes)}")
         is_concrete = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
         if is_concrete and float(self.pga) > GREATEST_PEAK:
             allowed = f"at most {GREATEST_PEAK:g} m/s^2 at its peak"
@@ -220,7 +220,7 @@ def _samples(value: Any) -> Any:
     expected = "an array of at least two accelerations"
     samples = checks.array("acceleration", value, (-1,), expected)
     if len(samples) < 2:
-        raise ValueError(f"`acceleration` must be {expected}, but is {checks.shown(value)}")
+        raise ValueError(f"`acceleration` must be {expected}, but is {checks.quote(value)}")
     if checks.is_jax(value):
         return checks.plain("acceleration", value)
     # A copy that cannot be changed, because `Record` is frozen and can be hashed.

@@ -73,7 +73,7 @@ def arc(p: Parameters, y0: checks.Vector, tau0: Number, tau: Number, *, side: in
     for name, value, allowed in (("side", side, (-1, 1)), ("direction", direction, (-1, 0, 1))):
         if value not in allowed:
             expected = " or ".join(map(str, allowed))
-            raise ValueError(f"`{name}` must be {expected}, but is {checks.shown(value)}")
+            raise ValueError(f"`{name}` must be {expected}, but is {checks.quote(value)}")
     linear, y0 = Linear(p), jnp.asarray(checks.state(y0))
     mass = jnp.array([[linear.m11, linear.m12], [linear.m21, linear.m22]])
     damping = jnp.array([[linear.c1, -linear.c1], [-linear.c2, linear.c2]])

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.formatting import compared, number
+from tpd.core.formatting import number, pair_of
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
@@ -104,7 +104,7 @@ class AtRest(NamedTuple):
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
             least = number(self.needed_friction, 2) + more + (hint if self.needed_friction > DRY else "")
             return f"none before uplift if the coefficient of friction of the base is at least {least}"
-        least, base = compared(self.needed_friction, base)
+        least, base = pair_of(self.needed_friction, base)
         needed = f"a coefficient of friction of {least} is needed"
         if self.slides:
             return f"at {base} g, BEFORE UPLIFT: {needed}"
@@ -115,8 +115,8 @@ class AtRest(NamedTuple):
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
         lifts = "lifts" if self.safety_factor < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        ratio, _ = compared(1.0 / self.safety_factor, 1.0, 3)
-        peak, uplift = compared(self.peak, self.uplift, 3)
+        ratio, _ = pair_of(1.0 / self.safety_factor, 1.0, 3)
+        peak, uplift = pair_of(self.peak, self.uplift, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     @property
@@ -146,7 +146,7 @@ def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> Sliding:
     """
     limit = math.inf if base is None else base
     # Four digits are shown, and more if they decide.
-    pairs = {name: compared(x, limit, 4) for name, x in needed.items()}
+    pairs = {name: pair_of(x, limit, 4) for name, x in needed.items()}
     worst = max(needed, key=needed.__getitem__)
     slides = needed[worst] > limit
     listed = " and ".join(f"{value} {name}" for name, (value, _) in pairs.items())
