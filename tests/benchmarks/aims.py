@@ -62,24 +62,22 @@ def _regret(rows: Rows) -> tuple[str, bool]:
     missed, searches = sum(r["missed"] for r in every), sum(len(r["searches"]) for r in every)
     worst = max((r["worst"] for r in every if r["worst"] is not None), default=math.nan)
     nothing = sum(s["status"] != "recommended" for r in every for s in r["searches"])
-    none = (
-        f", of which {nothing} recommend nothing, {missed} of them although a design is known"
-        if missed
-        else ""
-    )
+    none = f"; {nothing} recommend no pendulum, {missed} of them although another search has one"
     return f"{100.0 * worst:.2f} points in {searches} searches{none}", not missed and worst <= near
 
 
 def _wider(rows: Rows) -> tuple[str, bool]:
     losses = [r["loss"] for r in stored.module("regret").summary(rows) if r["loss"] is not None]
-    worst = max(losses, default=math.nan)
-    return f"{100.0 * worst:.2f} points", worst <= stored.module("regret").NEAR
+    finite = [loss for loss in losses if math.isfinite(loss)]
+    worst, none = max(finite, default=math.nan), len(losses) - len(finite)
+    lost = f"; no design in {none} of {len(losses)} wider spaces" if none else ""
+    return f"{100.0 * worst:.2f} points{lost}", not none and worst <= stored.module("regret").NEAR
 
 
 def _best(rows: Rows) -> tuple[str, bool]:
     ours = [r for r in stored.module("optima").summary(rows) if r["method"] == "optax, Newton"]
     hits, seeds = (sum(r[k] for r in ours) for k in ("hits", "seeds"))
-    return f"{hits} of {seeds}", hits == seeds
+    return f"{hits} of {seeds}", 0 < hits == seeds
 
 
 def _smooth(rows: Rows) -> tuple[str, bool]:
