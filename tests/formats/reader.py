@@ -140,18 +140,6 @@ def spoil_the_header(file: File, rng: np.random.Generator) -> str:
     return _replace(file.text, at, rng, str(rng.choice([word for word in RUBBISH if word])))
 
 
-def change_the_count(file: File, rng: np.random.Generator) -> str:
-    head = "".join(file.text.splitlines(keepends=True)[: file.first])
-    usual = "600" if "." in file.name else "100"
-    n = {"loma_prieta_1989_0111a.smc": "6001", "knet": "1$"}.get(file.name, usual)
-    places = list(re.finditer(rf"(?<![\d.]){n}(?![\d.])", head, flags=re.MULTILINE))
-    if not places:
-        return file.text
-    one = places[int(rng.integers(len(places)))]
-    new = str(int(rng.choice([0, 1, 99, 101, 599, 608, 9999999])))
-    return _instead(file.text, one, 0, new.rjust(len(one[0])))
-
-
 def _instead(text: str, one: re.Match[str], i: int, new: str) -> str:
     """The text with a group of a match replaced."""
     return text[: one.start(i)] + new + text[one.end(i) :]
@@ -208,7 +196,6 @@ KINDS: tuple[Callable[[File, np.random.Generator], str], ...] = (
     lose_lines,
     spoil_a_sample,
     spoil_the_header,
-    change_the_count,
     remove_the_unit,
     change_the_step,
     mix_two,

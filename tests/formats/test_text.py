@@ -55,7 +55,6 @@ def test_a_file_must_end_after_its_last_line():
     assert header.match(2, r"dt (\d)", "a step")[1] == "5"
     with pytest.raises(UnreadableRecord, match="line 1 must state a step"):
         header.match(1, r"dt (\d)", "a step")
-    assert text.shown("x " * 99) == repr(("x " * 25) + "...")
 
 
 class Counted(list):
@@ -84,12 +83,9 @@ def test_the_reading_time_is_linear_in_the_number_of_rows():
 
     column = Format(lambda values, dt: "".join(f"{v:9.4f}\n" for v in values), ".4f", 1.0, 1.0)
     # The CSV of K-NET, and a table by its own reader.
-    rows = [
-        (form, next(reader for known, reader in _FORMATS if known(lines_of(form, 100))))
-        for form in FORMATS[:9]
-    ]
+    rows = [(f, next(reader for known, reader in _FORMATS if known(lines_of(f, 100)))) for f in FORMATS[:9]]
     rows += [
-        (FORMATS[9], lambda cursor, unit: read_table(cursor, Options())),
+        (FORMATS[9], lambda cursor, _: read_table(cursor, Options())),
         (column, free),
         (column, fixed),
     ]
