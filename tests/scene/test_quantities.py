@@ -136,40 +136,24 @@ def test_pendulum_quantities_cannot_be_varied_without_a_pendulum():
             Axis.of(SCENE, name)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "match"),
-    [
-        ("frequency", 0.0, "`frequency` must be positive and finite, but is 0"),
-        ("amplitude", -0.1, "`amplitude` must be zero or positive, and finite, but is -0.1"),
-        ("pendulum_mass", -1.0, "`pendulum_mass` must be zero or positive"),
-        ("pendulum_length", 0.0, "`pendulum_length` must be positive"),
-        ("width", 0.3, "`nu` must be between 0 and 0.5"),
-        ("omega", 1.0, "`name` must be one of width, height.*nu, mu.*but is 'omega'"),
-    ],
-)
-def test_values_out_of_range_are_rejected_by_name(name, value, match):
-    with pytest.raises(ValueError, match=match):
-        Axis.of(SCENE, name, PENDULUM).check(value)
-
-
-@pytest.mark.parametrize(
-    ("name", "values", "match"),
-    [
+def test_values_and_ranges_out_of_range_or_in_a_wrong_unit_are_rejected_by_name():
+    setup = Setup.of(SCENE, PENDULUM)
+    setup.check("x", "frequency", 0.5, 50.0)  # the upper end may exceed what any ground does
+    for name, values, match in (
+        ("frequency", (0.0,), "`frequency` must be positive and finite, but is 0"),
+        ("amplitude", (-0.1,), "`amplitude` must be zero or positive, and finite, but is -0.1"),
+        ("pendulum_mass", (-1.0,), "`pendulum_mass` must be zero or positive"),
+        ("pendulum_length", (0.0,), "`pendulum_length` must be positive"),
+        ("width", (0.3,), "`nu` must be between 0 and 0.5"),
+        ("omega", (1.0,), "`name` must be one of width, height.*nu, mu.*but is 'omega'"),
         ("amplitude", (0.0, 50.0), "give 50 m at 2.5 Hz, whose acceleration must be at most 10 g"),
         ("frequency", (750.0, 950.0), "0.015 m at 750 Hz, whose acceleration must be"),
         ("mass", (0.016, 0.02), "kg/m.3 .for a block as deep as it is wide"),
         ("pendulum_damping", (5.0, 40.0), "`pendulum_damping` must be at most 2, twice critical damping"),
         ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
-    ],
-)
-def test_a_range_in_a_wrong_unit_is_rejected(name, values, match):
-    setup = Setup.of(SCENE, PENDULUM)
-    with pytest.raises(ValueError, match=match):
-        setup.check("x", name, *values)
-    setup.check("x", "frequency", 0.5, 50.0)  # the upper end may exceed what any ground does
-
-
-def test_parameters_with_a_separate_pendulum_are_rejected():
+    ):
+        with pytest.raises(ValueError, match=match):
+            setup.check("name", name, *values)
     with pytest.raises(ValueError, match="`pendulum` is allowed only with a scene"):
         Setup.of(WITHOUT, PENDULUM)
     with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
