@@ -14,16 +14,14 @@ def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "peer")
 
 
-HEADERS = (
-    ("X 1/2/99 0304, Y, 90", "ACCELERATION TIME HISTORY IN UNITS OF G", " 3 .01000 NPTS, DT"),
-    ("X, 1/2/99, Y, 90", "ACCELERATION TIME SERIES IN UNITS OF G", "NPTS=    3, DT=   .0100 SEC,     "),
-    ("X, Y", "ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", "NPTS= 3, DT= .01000 SEC"),
-)
-
-
 def test_every_known_peer_header_is_read(tmp_path):
-    for head in HEADERS:
-        text = "\n".join(["PEER", *head, "  .1000000E+00 -.2000000E-01", "  .0000000E+00", ""])
+    for title, kind, count in (
+        ("X 1/2/99 0304, Y, 90", "HISTORY IN UNITS OF G", " 3 .01000 NPTS, DT"),
+        ("X, 1/2/99, Y, 90", "SERIES IN UNITS OF G", "NPTS=    3, DT=   .0100 SEC,     "),
+        ("X, Y", "HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", "NPTS= 3, DT= .01000 SEC"),
+    ):
+        head = f"PEER\n{title}\nACCELERATION TIME {kind}\n{count}\n"
+        text = f"{head}  .1000000E+00 -.2000000E-01\n  .0000000E+00\n"
         record = read(tmp_path, text)
         assert record.dt == 0.01
         np.testing.assert_allclose(record.acceleration, [0.1 * G, -0.02 * G, 0.0], rtol=1e-15)
@@ -82,16 +80,6 @@ def test_an_unknown_word_in_a_peer_header_is_rejected(tmp_path):
         assert quoted in words or words in quoted
     sound = "UNITS OF G. FILTER POINTS: HP=0.1 Hz LP=30.0 Hz"
     assert read(tmp_path, text.replace("UNITS OF G", sound).replace("PLACE", "Millikan Library")).dt == 0.01
-
-
-def test_a_file_with_npts_and_dt_but_no_title_is_a_table(tmp_path):
-    count = "NPTS= 4, DT= .01 SEC\n .1 -.2 .3 .4\n"
-    with pytest.raises(UnreadableRecord, match=r"line 1 has 'NPTS= 4', which is not understood"):
-        read(tmp_path, count, unit="g")
-    assert read(tmp_path, count, unit="g", columns="rows").acceleration.shape == (4,)
-    # A title above a table with times does not make it a file of PEER either.
-    table = "Acceleration time history\ntime (s),acc (g)\n0.00,.1\n0.01,.2\n0.02,.3\n"
-    assert read(tmp_path, table, skip=1).dt == 0.01
 
 
 def test_fortran_exponents_of_three_digits_are_read(tmp_path):

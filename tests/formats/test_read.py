@@ -167,24 +167,16 @@ def test_a_binary_file_is_rejected_with_its_kind_and_a_remedy(tmp_path):
             read(tmp_path, data, name)
         assert raised.value.content.startswith(kind)
         assert len(str(raised.value)) < 150
+    # A text that begins alike is a text.
+    text = "PAR1 station\n" + "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
+    columns = {"time": 1, "acceleration": 2}
+    assert read(tmp_path, text, unit="g", skip=1, columns=columns).acceleration.shape == (20,)
 
 
-def test_a_text_that_begins_like_a_binary_format_is_read(tmp_path):
-    rows = "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
-    for first in ("PAR1 station", "MATLAB 5.0 export", "par1", "FEA1 model"):
-        for mark in ("# ", ""):
-            how = {"unit": "g", "skip": 1, "columns": {"time": 1, "acceleration": 2}}
-            assert read(tmp_path, f"{mark}{first}\n{rows}", **how).acceleration.shape == (20,)
-
-
-def test_the_source_of_a_record_is_its_file_and_channel():
+def test_source_and_error_message_state_file_and_channel(tmp_path):
     path = DATA / "coalinga_1983_cut.V2"
     named = [f"{path.name}, channel {i} ({name})" for i, name in enumerate(("90 DEG", "UP", "0 DEG"))]
     assert [r.source for r in Record.read_all(path)] == named
-    assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"
-
-
-def test_an_error_message_states_file_and_channel(tmp_path):
     text = "time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50))
     with pytest.raises(UnreadableRecord, match=r"^quake.csv, channel 1 \(E\): the peak must be at most 100"):
         read(tmp_path, text, "quake.csv")
@@ -203,6 +195,7 @@ HEADERS = {
     "acceleration": ({"channel": "HNE", "sac": {"idep": 8, "iftype": 1}, "calib": 1.0}, None),
     "unknown": ({"channel": "", "sac": {"idep": 5}}, None),
     "K-NET": ({"channel": "EW1"}, None),
+    "vertical angle": ({"channel": "ACC", "sac": {"idep": 8, "cmpinc": 0.0}, "name": "ACC up"}, None),
     "seismometer": ({"channel": "HHE"}, "samples count as accelerations"),
 }
 
@@ -214,16 +207,10 @@ def test_only_a_waveform_of_an_acceleration_is_read(monkeypatch):
         if content is None or content.startswith("samples"):
             (channel,) = read_as(monkeypatch, trace)
             assert channel.peak == 0.5
+            assert channel.component == header.get("name", trace.stats.channel)
             assert any("count as accelerations" in note for note in channel.notes) == bool(content)
             with pytest.raises(UnreadableRecord, match="states no unit"):
                 read_as(monkeypatch, trace, unit=None)
         else:
             with pytest.raises(UnreadableRecord, match=content):
                 read_as(monkeypatch, trace)
-
-
-def test_a_vertical_angle_in_the_header_marks_a_vertical_component(monkeypatch):
-    for name, component in (("HNE", "HNE"), ("ACC", "ACC up")):
-        trace = Trace(np.array([0.0, 0.5]))
-        vars(trace.stats).update({"channel": name, "sac": {"idep": 8, "cmpinc": 0.0}})
-        assert read_as(monkeypatch, trace)[0].component == component

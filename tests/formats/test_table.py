@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 from tests.formats.reader import check, read
-from tests.formats.synthetic import G, peer, shaking
+from tests.formats.synthetic import G, shaking
 from tpd.formats.table import columns_in_words
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
@@ -259,13 +259,6 @@ def test_options_describe_a_table_with_an_unknown_header(tmp_path):
     ):
         with pytest.raises(ValueError, match=message):
             found(tmp_path, text, **({"unit": "g"} | wrong))
-
-
-def test_a_file_of_an_agency_is_read_as_a_table_only_on_request(tmp_path):
-    text = "\n".join([*peer(shaking(100), 0.01).splitlines()[:4], made("")])
-    with pytest.raises(UnreadableRecord, match=r"line 5 must contain numbers, but has '0.00,0.00000'"):
-        read(tmp_path, text)
-    assert found(tmp_path, text, columns={"time (s)": 1, "N (m/s2)": 2}) == [NORTH]
 
 
 def test_a_file_without_rows_of_numbers_is_shown(tmp_path):

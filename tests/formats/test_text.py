@@ -38,23 +38,20 @@ def test_fixed_width_columns_must_be_full():
             Cursor(wrong, True).fixed(3, 2, 6, "samples")
 
 
-def test_a_file_must_end_after_its_last_line():
+def test_a_file_must_end_after_its_last_line_and_have_the_stated_lines():
     Cursor(["", " "], True).require_end()
     Cursor([""], False).require_end(whole=True)
-    for cursor, said in (
-        (Cursor(["1"], True), "line 1 must be the end of the file, but is '1'"),
-        (Cursor(["", ""], False), "the last line, 2, must end with a line break"),
-    ):
-        with pytest.raises(UnreadableRecord, match=re.escape(said)):
-            cursor.require_end()
-    with pytest.raises(UnreadableRecord, match="line 1 must be a comment"):
-        Cursor(["no"], True).comments(1)
-    with pytest.raises(UnreadableRecord, match="line 1 must state a step, but is 'no'"):
-        Cursor(["no"], True).match("dt", "a step")
     header = Cursor(["a", "DT 5"], True).header(2)
     assert header.match(2, r"dt (\d)", "a step")[1] == "5"
-    with pytest.raises(UnreadableRecord, match="line 1 must state a step"):
-        header.match(1, r"dt (\d)", "a step")
+    for call, said in (
+        (Cursor(["1"], True).require_end, "line 1 must be the end of the file, but is '1'"),
+        (Cursor(["", ""], False).require_end, "the last line, 2, must end with a line break"),
+        (lambda: Cursor(["no"], True).comments(1), "line 1 must be a comment"),
+        (lambda: Cursor(["no"], True).match("dt", "a step"), "line 1 must state a step, but is 'no'"),
+        (lambda: header.match(1, r"dt (\d)", "a step"), "line 1 must state a step"),
+    ):
+        with pytest.raises(UnreadableRecord, match=re.escape(said)):
+            call()
 
 
 class Counted(list):
