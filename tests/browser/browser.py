@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import os
@@ -93,12 +92,6 @@ class Browser:
         """Press and release a key, such as "ArrowRight", 39."""
         for kind in ("rawKeyDown", "keyUp"):
             self.ask("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
-
-    def screenshot(self, path: Path) -> None:
-        """Write a picture of the whole page, also of what lies below the window."""
-        self.ask("Page.bringToFront")
-        image = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True)
-        path.write_bytes(base64.b64decode(image["data"]))
 
 
 @contextlib.contextmanager

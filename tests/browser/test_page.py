@@ -4,7 +4,6 @@ import itertools
 import re
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
-from tpd.answers.statistics import Share
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
@@ -88,13 +86,18 @@ def type_in(window: Browser, name: str, text: str) -> float:
 
 def status(window: Browser) -> str:
     """The status line, which is written a little later than the tables."""
-    window.run("new Promise((done) => setTimeout(done, 500))")
-    return window.run("document.getElementById('summary').textContent")
+    pause(window, 500)
+    return text_of(window, "summary")
 
 
-def notice(window: Browser) -> str:
-    """The notice about an input that was corrected; empty without one."""
-    return window.run("document.getElementById('notice').textContent")
+def text_of(window: Browser, name: str) -> str:
+    """The text of an element."""
+    return window.run(f"document.getElementById('{name}').textContent")
+
+
+def pause(window: Browser, milliseconds: int) -> None:
+    """Wait in the page."""
+    window.run(f"new Promise((done) => setTimeout(done, {milliseconds}))")
 
 
 def fall_of(scene: tpd.Scene, pendulum: tpd.Pendulum | None = None) -> float:
@@ -103,11 +106,6 @@ def fall_of(scene: tpd.Scene, pendulum: tpd.Pendulum | None = None) -> float:
     times = np.linspace(0.0, 100.0, 100 * steps + 1) * float(p.period)
     tilts = np.asarray(tpd.simulate(p, np.zeros(4), times, model=tpd.Nonlinear()).ys)[:, 0]
     return float(np.flatnonzero(np.isnan(tilts))[0] / steps / float(scene.excitation.frequency))
-
-
-def banner(window: Browser) -> str:
-    """The verdict at the top of the page."""
-    return window.run("document.getElementById('verdict').textContent")
 
 
 def pendulum_of(window: Browser) -> tpd.Pendulum:
@@ -122,108 +120,57 @@ def tilt_now(window: Browser) -> float:
     return float(exact(CHIMNEY, NAMES, np.array([[state[name] for name in CONTROLS]]))[0, 0])
 
 
-def test_the_first_values_of_the_page_are_exact(show):
+def test_first_values_are_exact_and_a_moved_slider_gives_interpolated_values(show):
     window = show("chimney")
-    value, source = row(window, "tilt")
+    before, source = row(window, "tilt")
     assert source == "exact"
-    assert float(value) == pytest.approx(tilt_now(window), rel=4e-3)
+    assert float(before) == pytest.approx(tilt_now(window), rel=4e-3)
     assert row(window, "without")[1] == "exact"
     assert row(window, "largest")[1] == "simulated in the browser, 100 periods, 118 s"
-    assert not window.errors
-
-
-def results_of_runs(window: Browser) -> str:
-    """The sentence on the runs, once all of them are simulated."""
-    end = time.monotonic() + 120.0
-    while "overturn with your" not in (
-        said := window.run("document.getElementById('runs-text').textContent")
-    ):
-        assert time.monotonic() < end, said
-        time.sleep(0.1)
-    return said
-
-
-def test_the_share_of_overturned_runs_equals_the_package(show):
-    window = show("chimney")
-    problem = problem_of(CHIMNEY)
-    ensemble = replace(problem.ensemble, size=100)
-    type_in(window, "length", "1.0")
-    said = results_of_runs(window)
-    cells = "[...document.querySelectorAll('#runs tbody tr')].map((x) => x.textContent)"
-    rows = window.run(cells)
-    for i, pendulum in enumerate((pendulum_of(window), None)):
-        runs = tpd.outcomes(
-            CHIMNEY, pendulum, ensemble=ensemble, conditions=problem.conditions, equations="nonlinear"
-        )
-        assert len(rows) == 1 + len(runs.starts)
-        share, low, high = map(int, re.findall(r"(\d+) % \((\d+) to (\d+) %\)", said)[i])
-        # Chaos separates a motion near overturning from that of the package.
-        assert abs(share - 100.0 * runs.share_overturned.value) <= 2.0
-        expected = Share.of(np.arange(100) < share)
-        assert (low, high) == (round(100.0 * expected.low), round(100.0 * expected.high))
-    for label in runs.starts:
-        assert sum(row.startswith(f"{label}: ") for row in rows) == 1
+    mass, length = (move(window, name, place) for name, place in (("mass", 640), ("length", 320)))
+    assert window.run("document.getElementById('mass').value") == f"{mass:.6g}"
+    value, source = row(window, "tilt")
+    assert source == "interpolated"
+    assert value != before
+    shown, bound = map(float, value.split(" ± "))
+    # Both numbers are rounded for the eye.
+    assert abs(shown - tilt_now(window)) <= 1.5 * bound + 6e-4
+    assert row(window, "natural")[0] == f"{(9.80665 / length) ** 0.5 / 6.283185307:.3g} Hz"
+    place = window.run("tpdPage.state.length")
+    window.run("document.getElementById('length-slider').focus()")
+    window.press("ArrowRight", 39)
+    assert window.run("tpdPage.state.length") > place
     assert not window.errors
 
 
 def test_the_page_stays_responsive_while_runs_are_simulated(show):
     window = show("chimney")
-    results_of_runs(window)
     type_in(window, "damping", "0.2")
-    window.run("new Promise((done) => setTimeout(done, 1500))")
-    said = window.run("document.getElementById('runs-text').textContent")
-    frames = window.run("tpdPage.frames()")
-    assert said.endswith("are simulated, with and without your pendulum.")
-    assert frames > 5, "frames of the last second"
-    # A further change ends the runs of the earlier values, and the sentence belongs to the last ones.
-    type_in(window, "damping", "0.6")
-    assert results_of_runs(window)
+    pause(window, 1500)
+    assert text_of(window, "runs-text").endswith("are simulated, with and without your pendulum.")
+    assert window.run("tpdPage.frames()") > 5, "frames of the last second"
+    end = time.monotonic() + 120.0
+    while "overturn with your" not in text_of(window, "runs-text"):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    assert not window.errors
 
 
-def test_the_map_of_shares_has_a_description_and_the_stated_values(show):
+def test_the_map_of_shares_states_its_values_and_figures_stay_white(show):
     window = show("chimney")
-    text = "document.getElementById('shares-text').textContent"
-    assert window.run("document.getElementById('shares').getAttribute('aria-describedby')") == "shares-text"
-    own = re.compile(
-        r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is"
-    )
-    assert own.match(window.run(text))
-    move(window, "mass", 900)
-    assert own.match(window.run(text))
-    move(window, "frequency", 900)
-    assert not own.match(window.run(text)), "the map holds for another frequency"
-    words = window.run("document.getElementById('runs-words').textContent")
-    assert "Duration: runs of 100 periods (118 s)" in words
-    assert "begin at rest" in words
-    assert "counts as overturned if the tilt passes the toppling angle" in words
-
-
-def test_colours_follow_the_colour_scheme_and_figures_stay_white(show):
-    window = show("chimney")
-    for scheme, dark in (("light", False), ("dark", True)):
+    own = r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is"
+    for name, is_valid in (("mass", True), ("frequency", False)):
+        move(window, name, 900)
+        # The map holds for one frequency.
+        assert bool(re.match(own, text_of(window, "shares-text"))) is is_valid
+    for scheme in ("light", "dark"):
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         window.ask("Emulation.setEmulatedMedia", features=features)
         colour = window.run("getComputedStyle(document.body).color")
-        assert (min(map(int, re.findall(r"\d+", colour)[:3])) > 128) == dark
-        assert window.run("getComputedStyle(document.getElementById('shares')).backgroundColor").endswith(
-            "(255, 255, 255)"
-        )
+        assert (min(map(int, re.findall(r"\d+", colour)[:3])) > 128) == (scheme == "dark")
+        figure = window.run("getComputedStyle(document.getElementById('shares')).backgroundColor")
+        assert figure.endswith("(255, 255, 255)")
     window.ask("Emulation.setEmulatedMedia", features=[])
-
-
-def test_a_slider_changes_the_values_and_their_source(show):
-    window = show("chimney")
-    before = row(window, "tilt")
-    mass, length = (move(window, name, place) for name, place in (("mass", 640), ("length", 320)))
-    assert window.run("document.getElementById('mass').value") == f"{mass:.6g}"
-    value, source = row(window, "tilt")
-    assert source == "interpolated"
-    assert value != before[0]
-    shown, bound = map(float, value.split(" ± "))
-    # Both numbers are rounded for the eye.
-    assert abs(shown - tilt_now(window)) <= 1.5 * bound + 6e-4
-    assert row(window, "natural")[0] == f"{(9.80665 / length) ** 0.5 / 6.283185307:.3g} Hz"
-    assert not window.errors
 
 
 def test_every_control_changes_a_result_and_can_be_reset(show):
@@ -239,28 +186,16 @@ def test_every_control_changes_a_result_and_can_be_reset(show):
 def test_a_number_out_of_range_is_set_to_the_bound_with_a_notice(show):
     window = show("chimney")
     low, high = (window.run(f"tpdPage.control('mass').{end}") for end in ("low", "high"))
-    assert notice(window) == ""
-    assert type_in(window, "mass", "1e9") == high
-    assert notice(window) == "Mass of the bob must be from 162.8 to 3256 kg, but is 1e9: 3256 is used."
-    assert type_in(window, "mass", "-5") == low
-    assert notice(window) == "Mass of the bob must be from 162.8 to 3256 kg, but is -5: 162.8 is used."
-    assert type_in(window, "mass", "") == low, "no number changes nothing"
-    assert "but is empty: 162.8 is used" in notice(window)
-    assert float(window.run("document.getElementById('mass').value")) == pytest.approx(low, rel=1e-5)
+    for words, value, used in (("1e9", high, "3256"), ("-5", low, "162.8"), ("", low, "162.8")):
+        assert type_in(window, "mass", words) == value
+        sentence = (
+            f"Mass of the bob must be from 162.8 to 3256 kg, but is {words or 'empty'}: {used} is used."
+        )
+        assert text_of(window, "notice") == sentence
     assert type_in(window, "push", "1.4") == 0.9
-    assert "Initial tilt over the slenderness must be from -0.9 to 0.9" in notice(window)
+    assert "Initial tilt over the slenderness must be from -0.9 to 0.9" in text_of(window, "notice")
     assert type_in(window, "mass", "600") == 600.0
-    assert notice(window) == "", "a number that is used needs no notice"
-
-
-def test_arrow_keys_move_a_slider(show):
-    window = show("chimney")
-    before = window.run("tpdPage.state.length")
-    window.run("document.getElementById('length-slider').focus()")
-    for _ in range(5):
-        window.press("ArrowRight", 39)
-    assert window.run("tpdPage.state.length") > before
-    assert row(window, "tilt")[1] == "interpolated"
+    assert text_of(window, "notice") == "", "a number that is used needs no notice"
 
 
 def test_an_exceeded_limit_is_visible_and_announced_to_screen_readers(show):
@@ -273,22 +208,6 @@ def test_an_exceeded_limit_is_visible_and_announced_to_screen_readers(show):
     assert re.search("Limits exceeded: .*thickness", status(window))
 
 
-def test_no_number_is_shown_between_nodes_of_different_kinds(show):
-    window = show("chimney")
-    for name, place in (("damping", 10), ("mass", 950), ("frequency", 240)):
-        move(window, name, place)
-    found = set()
-    for place in range(5, 1000, 30):
-        move(window, "length", place)
-        value, source = row(window, "tilt")
-        found.add(source)
-        assert (value == "–") == (source == "not interpolated")
-        at_rest = source in ("not interpolated", "exact orbits around this point")
-        assert (row(window, "clearance", "limits")[1] == "bob at rest") == at_rest
-        assert ("±" in value) == (source == "interpolated")
-    assert "not interpolated" in found
-
-
 def test_stored_runs_are_shown_only_near_their_design(show):
     window = show("design")
     value, source = row(window, "overturned")
@@ -296,30 +215,36 @@ def test_stored_runs_are_shown_only_near_their_design(show):
     assert re.search(r"^[\d.]+ % with the pendulum, [\d.]+ % without it \(difference: 95 % interval ", value)
     assert row(window, "mean")[1] == source
     assert row(window, "validation") == ("no reason against this design", "validation runs")
-    verdict = banner(window)
+    verdict = text_of(window, "verdict")
     assert verdict.startswith("RECOMMENDED")
     move(window, "mass", 100)
-    assert banner(window) == f"Verdict of the report, which does not hold for the values below: {verdict}"
+    assert (
+        text_of(window, "verdict")
+        == f"Verdict of the report, which does not hold for the values below: {verdict}"
+    )
     assert row(window, "overturned")[0] == row(window, "mean")[0] == "not simulated"
     window.run("document.getElementById('reset').click()")
     assert row(window, "overturned") == (value, source)
-    assert banner(window) == verdict
+    assert text_of(window, "verdict") == verdict
     move(window, "frequency", 900)
     assert row(window, "overturned")[0] == "not simulated"
 
 
-def test_a_click_into_the_map_sets_mass_and_length(show):
+def test_a_click_sets_mass_and_length_only_within_the_axes_of_the_map(show):
     window = show("chimney")
     area = window.run("tpdPage.area()")
     window.run("document.getElementById('map').scrollIntoView()")
     box = window.run("document.getElementById('map').getBoundingClientRect().toJSON()")
     x, y = (area["left"] + area["right"]) / 2, (area["top"] + area["bottom"]) / 2
-    for kind in ("mousePressed", "mouseReleased"):
-        at = {"x": box["left"] + x, "y": box["top"] + y, "button": "left", "clickCount": 1}
-        window.ask("Input.dispatchMouseEvent", type=kind, **at)
-    for name in ("mass", "length"):
-        low, high = (window.run(f"tpdPage.control('{name}').{end}") for end in ("low", "high"))
-        assert window.run(f"tpdPage.state.{name}") == pytest.approx((low * high) ** 0.5, rel=0.02)
+    ends = [
+        [window.run(f"tpdPage.control('{name}').{end}") for end in ("low", "high")] for name in CONTROLS[:2]
+    ]
+    for place in ((x, y), (1.0, 1.0)):
+        for kind in ("mousePressed", "mouseReleased"):
+            at = {"x": box["left"] + place[0], "y": box["top"] + place[1], "button": "left", "clickCount": 1}
+            window.ask("Input.dispatchMouseEvent", type=kind, **at)
+        values = [window.run(f"tpdPage.state.{name}") for name in CONTROLS[:2]]
+        assert values == pytest.approx([(low * high) ** 0.5 for low, high in ends], rel=0.02)
 
 
 def test_the_animation_rocks_pauses_and_restarts_from_a_tilt(show):
@@ -332,10 +257,9 @@ def test_the_animation_rocks_pauses_and_restarts_from_a_tilt(show):
     stopped = window.run("tpdPage.clock()")
     time.sleep(0.2)
     assert window.run("tpdPage.clock()") == stopped
-    assert window.run("document.getElementById('play').textContent") == "Play"
-    assert type_in(window, "push", "0.4") != 0
-    assert window.run("tpdPage.state.push") == 0.4
-    assert "Tilt 2.98°" in window.run("document.getElementById('state-with').textContent")
+    assert text_of(window, "play") == "Play"
+    assert type_in(window, "push", "0.4") == 0.4
+    assert "Tilt 2.98°" in text_of(window, "state-with")
     assert not window.errors
 
 
@@ -351,34 +275,22 @@ def test_every_control_has_an_accessible_label(show):
     assert {role for role, _ in found} >= {"slider", "spinbutton", "button", "combobox", "table"}
     assert all(name for _, name in found), found
     assert len([role for role, _ in found if role == "slider"]) == 5
-
-
-def test_a_narrow_screen_needs_no_horizontal_scrolling(show):
+    # Neither a narrow screen nor a wide one needs horizontal scrolling.
     for width in (400, 1280):
-        window = show("design", width)
-        assert window.run("document.documentElement.scrollWidth") <= width
+        assert show("design", width).run("document.documentElement.scrollWidth") <= width
 
 
 BLOCK = {"width": 1.0, "height": 5.0, "mass": 5000.0, "cavity_width": 0.7}
 COLUMN = BLOCK | {"height": 6.0}
-EL_CENTRO = {"records": ["el-centro"], "validation_share": 0.0}
+EL_CENTRO = {"records": ["el-centro"], "validation_share": 0.0, "scales": [3.0]}
 COSINE = {"pulse": "one-cosine", "pulse_frequency": 0.8, "pga": 3.0 / 9.80665}
-MOTIONS = {
-    # In some of these cases the steps of the page straddled the samples, in the others its sign was wrong.
-    "record": (BLOCK, EL_CENTRO | {"scales": [2.0]}, 0.0),
-    "record, pushed": (COLUMN, EL_CENTRO | {"scales": [2.0]}, 0.3),
-    "record, overturns": (COLUMN, EL_CENTRO | {"scales": [3.0]}, 0.0),
-    "record, overturns no more after a push": (COLUMN, EL_CENTRO | {"scales": [3.0]}, 0.3),
-    "pulse with jumps": (BLOCK | {"restitution": 0.9}, COSINE, 0.0),
-    "pulse with jumps, overturns after a push": (BLOCK | {"restitution": 0.9}, COSINE, 0.3),
-    "pulse with jumps, pushed to the other side": (BLOCK | {"restitution": 0.9}, COSINE, -0.3),
-}
-"""Block, motion, and first tilt over the slenderness."""
 
 
-@pytest.mark.parametrize("case", MOTIONS)
-def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, case):
-    block, motion, push = MOTIONS[case]
+@pytest.mark.parametrize(
+    ("block", "motion", "push"),
+    [(COLUMN, EL_CENTRO, 0.0), (COLUMN, EL_CENTRO, 0.3), (BLOCK | {"restitution": 0.9}, COSINE, -0.3)],
+)
+def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, block, motion, push):
     job = job_of({"block": block, "excitation": motion})
     window.errors.clear()
     window.open(tpd.explore(job).write(tmp_path / "ground.html"))
@@ -387,30 +299,20 @@ def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, c
     shaken = job.shaking if "pulse" in motion else job.conditions.motions[0]
     factor = 1.0 if "pulse" in motion else motion_factors(job.scene, job.conditions)[0]
     scene, nu = tpd.Scene(job.block, shaken.scaled(factor)), 1.0 / block["height"]
-    said = status(window).split(" (one motion")[0]
+    y0, said = np.array([push * nu, 0.0, 0.0, 0.0]), status(window).split(" (one motion")[0]
     for name, pendulum, words in (
         ("largest", pendulum_of(window), "With your pendulum the block {};"),
         ("largest-without", None, "without a pendulum it {}"),
     ):
-        y0 = np.array([push * nu, 0.0, 0.0, 0.0])
-        expected = tpd.transient(scene, pendulum, y0=y0, model=tpd.Nonlinear())
+        expected, shown = tpd.transient(scene, pendulum, y0=y0, model=tpd.Nonlinear()), row(window, name)[0]
         outcome = "does not overturn"
         if tpd.status_name(expected.status) == "overturned":
             outcome = f"overturns after {float(expected.overturning_time):.3g} s"
-            assert row(window, name)[0] == outcome
+            assert shown == outcome
         else:
-            shown = float(row(window, name)[0].split()[0])
-            assert shown == pytest.approx(float(expected.tilt) / nu, rel=5e-3)
+            assert float(shown.split()[0]) == pytest.approx(float(expected.tilt) / nu, rel=5e-3)
         assert words.format(outcome) in said
     assert not window.errors
-
-
-def test_a_weak_ground_motion_does_not_lift_the_block(window, tmp_path):
-    job = job_of({"block": BLOCK, "excitation": COSINE})
-    window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
-    type_in(window, "scale", "0.2")
-    assert row(window, "largest-without")[0].startswith("0 ")
-    assert "cosine, condition 1 of 1, peak 0.6 m/s²" in window.run("document.body.textContent")
 
 
 def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_path):
@@ -428,42 +330,28 @@ def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_pat
     shown = float(row(window, "clearance", "limits")[0].split()[0])
     assert shown == pytest.approx(100.0 * reach / half, rel=6e-3)
     assert "Limits exceeded: " in status(window)
+    type_in(window, "scale", "0.2")
+    assert row(window, "largest-without")[0].startswith("0 ")
+    assert "cosine, condition 1 of 1, peak 0.6 m/s²" in window.run("document.body.textContent")
 
 
-def test_the_status_line_begins_with_the_outcome(window, tmp_path):
-    scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=0.15, frequency=0.9))
-    window.open(tpd.explore(scene).write(tmp_path / "chimney.html"))
-    said = status(window)
-    assert re.match(
-        r"With your pendulum the block overturns after [\d.]+ s; without a pendulum it over", said
-    )
-    assert "(one motion from rest, 100 periods, 111 s)" in said
-    assert "(not reached from this start) with your pendulum" in said
-    assert row(window, "tilt")[0].endswith("(not reached from this start)")
-    # The loads of a block that falls are no loads of a design.
-    assert row(window, "tension")[0].startswith("overturns after")
-    assert row(window, "largest")[0] == f"overturns after {fall_of(scene, pendulum_of(window)):.3g} s"
-
-
-def test_a_block_that_overturns_after_21_periods_overturns_on_the_page(window, tmp_path):
-    scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=0.1, frequency=0.9))
-    window.open(tpd.explore(scene).write(tmp_path / "late.html"))
-    expected = fall_of(scene)
-    assert 20.0 < expected * 0.9 < 22.0
-    value, source = row(window, "largest-without")
-    assert value == f"overturns after {expected:.3g} s"
-    assert source == "simulated in the browser, 100 periods, 111 s"
-
-
-def test_the_limit_on_worsening_is_printed_as_a_change_of_the_tilt(show):
-    window = show("chimney")
-    points = np.array([[window.run(f"tpdPage.state.{name}") for name in CONTROLS]])
-    without = points * [0.0, 1.0, 1.0, 1.0, 1.0]
-    tilts = [float(exact(CHIMNEY, NAMES, x)[0, 0]) for x in (points, without)]
-    change = 100.0 * (tilts[0] / tilts[1] - 1.0)
-    text, _ = row(window, "worsening", "limits")
-    size, words = re.fullmatch(r"([\d.]+) % (more|less) tilt, 5.0 % more allowed", text).groups()
-    assert float(size) * (1 if words == "more" else -1) == pytest.approx(change, abs=0.06)
+def test_the_status_line_begins_with_the_outcome_of_a_block_that_overturns(window, tmp_path):
+    # The block without a pendulum overturns only after 21 periods of the weaker excitation.
+    for amplitude, name in ((0.15, "largest"), (0.1, "largest-without")):
+        scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=amplitude, frequency=0.9))
+        window.open(tpd.explore(scene).write(tmp_path / "chimney.html"))
+        expected = fall_of(scene, pendulum_of(window) if name == "largest" else None)
+        assert row(window, name) == (
+            f"overturns after {expected:.3g} s",
+            "simulated in the browser, 100 periods, 111 s",
+        )
+        if name == "largest":
+            words = r"With your pendulum the block overturns after [\d.]+ s; without a pendulum it over"
+            assert re.match(words, said := status(window))
+            assert "(not reached from this start) with your pendulum" in said
+            assert row(window, "tilt")[0].endswith("(not reached from this start)")
+            # The loads of a block that falls are no loads of a design.
+            assert row(window, "tension")[0].startswith("overturns after")
 
 
 def test_no_value_of_the_page_is_nan(show):
@@ -474,6 +362,9 @@ def test_no_value_of_the_page_is_nan(show):
         for table in ("results", "limits"):
             cells = window.run(f"[...document.querySelectorAll('#{table} td')].map((x) => x.textContent)")
             assert not [text for text in cells if re.search("unknown|NaN|undefined|Infinity", text)]
+        value, source = row(window, "tilt")
+        assert (value == "–") == (source == "not interpolated")
+        assert ("±" in value) == (source == "interpolated")
     move(window, "length", 0)
     assert row(window, "bob") == ("no body swings like it", "exact")
     assert row(window, "thickness", "limits")[0].endswith("exceeded")
@@ -495,16 +386,6 @@ def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
     assert float(share.split()[0]) == pytest.approx(100.0 * float(rest.swing) / limit, rel=6e-3)
     assert source == "steady motion, exact"
     assert "Steady-state tilt 0 with your pendulum" in status(window)
-
-
-def test_a_click_outside_the_axes_of_the_map_does_not_change_the_pendulum(show):
-    window = show("chimney")
-    before = window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")
-    window.run(
-        """document.getElementById("map").dispatchEvent(
-        Object.assign(new MouseEvent("click", { clientX: 0, clientY: 0 })))"""
-    )
-    assert (window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")) == before
 
 
 def test_the_page_loads_no_external_file_and_is_below_two_megabytes(pages):

@@ -1,6 +1,5 @@
 """Tasks for tests of clusters, in a module that workers import; as a command, a sweep to be killed."""
 
-import os
 import sys
 import time
 
@@ -24,12 +23,6 @@ def slowly_squared(part, seconds):
     time.sleep(seconds)
     x, y = part["x"], part["y"]
     return {"square": x**2 * part["z"], "pair": np.stack([np.sqrt(x), y], axis=1), "even": x % 2 == 0}
-
-
-def whose(part, seconds):
-    """Process of each element, after a while."""
-    time.sleep(seconds)
-    return {"process": np.full(len(part["x"]), os.getpid())}
 
 
 if __name__ == "__main__":

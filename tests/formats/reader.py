@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import gzip
 import re
-from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -51,28 +52,21 @@ def check_what_is_written(form: Format, folder: Path) -> None:
     check()
 
 
+@dataclass
 class File:
-    """A sound file, another of the same shape, and where its numbers begin."""
+    """A sound file, and another of the same shape."""
 
-    def __init__(self, name: str, text: str, other: str) -> None:
-        self.name, self.text, self.other = name, text, other
-
-    def __str__(self) -> str:
-        return self.name
+    name: str
+    text: str
+    other: str
 
     @property
     def first(self) -> int:
         """The line of the first sample, from 0: the first one of the longest run of lines of numbers only."""
         lines = self.text.splitlines()
         plain = [bool(line.strip()) and not re.sub(rf"{NUMBER}|[\s,]", "", line) for line in lines]
-        best, start, length = 0, 0, 0
-        for i, here in enumerate([*plain, False]):
-            if here:
-                continue
-            if i - start > length:
-                best, length = start, i - start
-            start = i + 1
-        return best
+        ends = [-1, *(i for i, here in enumerate([*plain, False]) if not here)]
+        return max(pairwise(ends), key=lambda run: run[1] - run[0])[0] + 1
 
 
 def real(name: str) -> File:
@@ -120,41 +114,21 @@ def lose_lines(file: File, rng: np.random.Generator) -> str:
     return "".join(lines[:at] + lines[at + count :])
 
 
-def _replace(text: str, at: int, rng: np.random.Generator, new: str) -> str:
-    """Replace a number of a line by something of the same width, if it fits."""
-    lines = text.splitlines(keepends=True)
-    found = list(re.finditer(NUMBER, lines[at]))
-    if found:
-        one = found[int(rng.integers(len(found)))]
-        lines[at] = lines[at][: one.start()] + new.rjust(one.end() - one.start()) + lines[at][one.end() :]
-    return "".join(lines)
-
-
-def spoil_a_sample(file: File, rng: np.random.Generator) -> str:
-    last = len(file.text.splitlines(keepends=True)) - 2
-    return _replace(file.text, int(rng.integers(file.first, last)), rng, str(rng.choice(RUBBISH)))
-
-
-def spoil_the_header(file: File, rng: np.random.Generator) -> str:
-    at = int(rng.integers(0, max(1, file.first)))
-    return _replace(file.text, at, rng, str(rng.choice([word for word in RUBBISH if word])))
-
-
-def change_the_count(file: File, rng: np.random.Generator) -> str:
-    head = "".join(file.text.splitlines(keepends=True)[: file.first])
-    usual = "600" if "." in file.name else "100"
-    n = {"loma_prieta_1989_0111a.smc": "6001", "knet": "1$"}.get(file.name, usual)
-    places = list(re.finditer(rf"(?<![\d.]){n}(?![\d.])", head, flags=re.MULTILINE))
-    if not places:
-        return file.text
-    one = places[int(rng.integers(len(places)))]
-    new = str(int(rng.choice([0, 1, 99, 101, 599, 608, 9999999])))
-    return _instead(file.text, one, 0, new.rjust(len(one[0])))
-
-
 def _instead(text: str, one: re.Match[str], i: int, new: str) -> str:
-    """The text with a group of a match replaced."""
-    return text[: one.start(i)] + new + text[one.end(i) :]
+    """The text with a group of a match replaced by something of the same width, if it fits."""
+    return text[: one.start(i)] + new.rjust(one.end(i) - one.start(i)) + text[one.end(i) :]
+
+
+def spoil_a_number(file: File, rng: np.random.Generator) -> str:
+    """Rubbish instead of a number, of the header or of a sample."""
+    lines = file.text.splitlines(keepends=True)
+    first, last = (0, max(1, file.first)) if rng.random() < 0.5 else (file.first, len(lines) - 2)
+    at = int(rng.integers(first, last))
+    places = list(re.finditer(NUMBER, lines[at]))
+    if places:
+        new = str(rng.choice(RUBBISH if first else [word for word in RUBBISH if word]))
+        lines[at] = _instead(lines[at], places[int(rng.integers(len(places)))], 0, new)
+    return "".join(lines)
 
 
 def remove_the_unit(file: File, rng: np.random.Generator) -> str:
@@ -171,7 +145,6 @@ def change_the_step(file: File, rng: np.random.Generator) -> str:
     head = "".join(file.text.splitlines(keepends=True)[: file.first])
     patterns = r"DT=\s*([\d.]+)|dt = ([\d.]+)|INTERVAL_S: ([\d.]+)|at ([\d.]+) sec inter|of\s+([\d.]+) +s"
     patterns += r"|(0\.2000000E\+03|1\.0000000E\+02)|at (\d+) pts|at (\d+) samples|(\d+)Hz|apart at +([\d.]+)"
-    patterns += r"|   (\d\.0+) +[\d.]+ +-?\d+\.\d+ +\d\.\d+\r?$"
     places = list(re.finditer(patterns, head, flags=re.IGNORECASE | re.MULTILINE))
     if not places:
         return file.text
@@ -180,7 +153,7 @@ def change_the_step(file: File, rng: np.random.Generator) -> str:
     wrong = ["0", "-1", "nan", "1e9", "x"]
     if file.name not in ("peer", "column"):
         wrong += [f"{2 * float(one[i]):g}", f"{0.5 * float(one[i]):g}"]
-    return _instead(file.text, one, i, str(rng.choice(wrong)).rjust(len(one[i])))
+    return _instead(file.text, one, i, str(rng.choice(wrong)))
 
 
 def mix_two(file: File, rng: np.random.Generator) -> str:
@@ -203,17 +176,7 @@ def rubbish(file: File, rng: np.random.Generator) -> str:
     return file.text[:at] + noise + "\x00" + file.text[at:]
 
 
-KINDS: tuple[Callable[[File, np.random.Generator], str], ...] = (
-    cut,
-    lose_lines,
-    spoil_a_sample,
-    spoil_the_header,
-    change_the_count,
-    remove_the_unit,
-    change_the_step,
-    mix_two,
-    rubbish,
-)
+KINDS = cut, lose_lines, spoil_a_number, remove_the_unit, change_the_step, mix_two, rubbish
 
 
 def numbers(path: Path) -> list[tuple[float, list[float]]]:

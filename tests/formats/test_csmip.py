@@ -5,7 +5,6 @@ import pytest
 from tests.formats.reader import DATA, check
 from tests.formats.synthetic import G, csmip_v1, csmip_v2, shaking
 from tpd import Record
-from tpd.formats.csmip import is_csmip
 from tpd.formats.text import UnreadableRecord
 
 
@@ -13,36 +12,23 @@ def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "csmip_v1", "csmip_v2", "coalinga_1983_cut.V2", "ridgecrest_2019_cut.RAW")
 
 
-REAL = {
-    # Peaks (m/s^2) as printed in the headers of the files, with the digits that are printed there.
-    "coalinga_1983_cut.V2": (0.02, ((2.67957, 5e-6), (0.94805, 5e-6), (2.56231, 5e-6))),
-    "ridgecrest_2019_cut.RAW": (0.01, ((0.567 * G, 5e-3), (0.471 * G, 5e-3), (0.361 * G, 5e-3))),
-}
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_the_peaks_of_real_csmip_files_equal_their_headers(name):
-    dt, peaks = REAL[name]
-    records = Record.read_all(DATA / name, baseline="none")
-    assert len(records) == len(peaks)
-    for record, (peak, margin) in zip(records, peaks, strict=True):
-        assert record.dt == pytest.approx(dt, rel=1e-15)
-        assert record.acceleration.shape == (600,)
-        assert record.pga == pytest.approx(peak, abs=margin)
-
-
-def test_name_event_and_notes_of_a_real_file_are_read():
-    north = Record.read(DATA / "coalinga_1983_cut.V2", channel=2)
-    assert north.name == "PARKFIELD FAULT ZONE 14/0 DEG"
-    assert north.event == "COALINGA EARTHQUAKE 1983-05-02"
-    up = Record.read(DATA / "coalinga_1983_cut.V2", channel=1)
-    assert "vertical component" in up.notes
-    raw = Record.read(DATA / "ridgecrest_2019_cut.RAW", channel=1)
+def test_peaks_names_and_events_of_real_csmip_files_are_those_of_their_headers():
+    for name, dt, digit, peaks in (
+        # Peaks (m/s^2) as printed in the headers of the files, with the digits that are printed there.
+        ("coalinga_1983_cut.V2", 0.02, 5e-6, (2.67957, 0.94805, 2.56231)),
+        ("ridgecrest_2019_cut.RAW", 0.01, 5e-3, (0.567 * G, 0.471 * G, 0.361 * G)),
+    ):
+        records = Record.read_all(DATA / name, baseline="none")
+        assert [record.pga for record in records] == pytest.approx(peaks, abs=digit)
+        assert [record.dt for record in records] == pytest.approx([dt] * 3, rel=1e-15)
+        assert {record.acceleration.shape for record in records} == {(600,)}
+    raw = Record.read(DATA / name, channel=1)
     assert raw.event == "2019-07-05"
-    assert any(note.startswith("uncorrected") for note in raw.notes)
-    assert any(
-        note.startswith("baseline removed: the mean, 0.0443 m/s^2, 1.0% of the peak") for note in raw.notes
-    )
+    mean = "baseline removed: the mean, 0.0443 m/s^2, 1.0% of the peak"
+    assert [any(note.startswith(word) for note in raw.notes) for word in ("uncorrected", mean)] == [True] * 2
+    _, up, north = Record.read_all(DATA / "coalinga_1983_cut.V2")
+    assert (north.name, north.event) == ("PARKFIELD FAULT ZONE 14/0 DEG", "COALINGA EARTHQUAKE 1983-05-02")
+    assert "vertical component" in up.notes
 
 
 def test_length_and_unit_of_the_second_channel_must_agree_with_its_samples(tmp_path):
@@ -71,10 +57,3 @@ def test_an_unknown_word_in_the_line_of_the_unit_is_rejected(tmp_path):
         path.write_text(text.replace(old, new))
         with pytest.raises(UnreadableRecord, match=r"line .* must state"):
             Record.read_all(path)
-
-
-def test_a_file_is_recognised_by_its_first_line_or_by_its_agency():
-    first, *others = csmip_v2(300.0 * shaking(100), 0.01).splitlines()
-    assert is_csmip([first])
-    assert is_csmip(["Accelerogram of the CSMIP", *others])
-    assert not is_csmip(["Accelerogram", "Somewhere"])

@@ -14,16 +14,14 @@ def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "peer")
 
 
-HEADERS = (
-    ("X 1/2/99 0304, Y, 90", "ACCELERATION TIME HISTORY IN UNITS OF G", " 3 .01000 NPTS, DT"),
-    ("X, 1/2/99, Y, 90", "ACCELERATION TIME SERIES IN UNITS OF G", "NPTS=    3, DT=   .0100 SEC,     "),
-    ("X, Y", "ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", "NPTS= 3, DT= .01000 SEC"),
-)
-
-
 def test_every_known_peer_header_is_read(tmp_path):
-    for head in HEADERS:
-        text = "\n".join(["PEER", *head, "  .1000000E+00 -.2000000E-01", "  .0000000E+00", ""])
+    for title, kind, count in (
+        ("X 1/2/99 0304, Y, 90", "HISTORY IN UNITS OF G", " 3 .01000 NPTS, DT"),
+        ("X, 1/2/99, Y, 90", "SERIES IN UNITS OF G", "NPTS=    3, DT=   .0100 SEC,     "),
+        ("X, Y", "HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", "NPTS= 3, DT= .01000 SEC"),
+    ):
+        head = f"PEER\n{title}\nACCELERATION TIME {kind}\n{count}\n"
+        text = f"{head}  .1000000E+00 -.2000000E-01\n  .0000000E+00\n"
         record = read(tmp_path, text)
         assert record.dt == 0.01
         np.testing.assert_allclose(record.acceleration, [0.1 * G, -0.02 * G, 0.0], rtol=1e-15)
@@ -41,11 +39,9 @@ def test_common_variants_of_peer_files_are_read(tmp_path):
         assert read(tmp_path, text + end).acceleration.shape == (3,)
         with pytest.raises(UnreadableRecord):
             read(tmp_path, text[:-2])
-
-
-def test_a_peer_file_of_velocities_is_rejected(tmp_path):
-    with pytest.raises(UnreadableRecord, match="line 3 must state an ACCELERATION"):
-        read(tmp_path, AT2.format("VELOCITY", "") + SAMPLES + "\n")
+        with pytest.raises(UnreadableRecord, match="line 3 must state an ACCELERATION"):
+            read(tmp_path, text.replace("ACCELERATION", "VELOCITY") + "\n")
+    assert read(tmp_path, f"{AT2.format('ACCELERATION', '')}.1-.2\n-.25\n").acceleration[1] == -0.2 * G
 
 
 def test_vertical_peer_components_are_recognised(tmp_path):
@@ -54,15 +50,6 @@ def test_vertical_peer_components_are_recognised(tmp_path):
         text = AT2.format("ACCELERATION", "").replace("090", direction) + SAMPLES + "\n"
         notes = [note for note in read(tmp_path, text).notes if "component" in note]
         assert notes == ["vertical component"] * (direction in upward)
-
-
-def test_negative_numbers_need_no_space_before_them(tmp_path):
-    values = [0.1, -0.2, 0.3, -0.4, -0.25, 0.15]
-    for form in ("{: .7E}", "{: .6f}", "{: .5f}"):
-        digits = "".join(form.format(x) for x in values)
-        assert re.search(r"\d-", digits.replace("E-", ""))
-        text = f"PEER\nX, A, 000\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 6, DT= .01 SEC\n{digits}\n"
-        np.testing.assert_allclose(read(tmp_path, text).acceleration, G * np.array(values), rtol=1e-4)
 
 
 def test_the_unit_of_the_time_step_is_read(tmp_path):
@@ -76,28 +63,16 @@ def test_the_unit_of_the_time_step_is_read(tmp_path):
 
 
 WORDS = {
-    "UNITS OF G": (
-        *("UNITS OF G (x 10)", "UNITS OF G * 10", "UNITS OF G, SCALED", "UNITS OF 0.1 G", "UNITS OF G/10"),
-        *("UNITS OF VOLTS", "UNITS OF G (COUNTS)"),
-    ),
+    "UNITS OF G": ("UNITS OF G (x 10)", "UNITS OF G * 10", "UNITS OF 0.1 G", "UNITS OF VOLTS"),
     "ACCELERATION TIME": ("SCALED ACCELERATION TIME", "PSEUDO ACCELERATION TIME", "STRAIN TIME"),
-    "PLACE": (
-        "PLACE (x 10)",
-        "scaled by 2",
-        "PLACE, scale factor 2.0",
-        "volts",
-        "velocity",
-        "normed",
-        "doubled",
-    ),
+    "PLACE": ("PLACE (x 10)", "scaled by 2", "PLACE, scale factor 2.0", "volts", "velocity", "normed"),
     ".01 SEC": (".01 SEC (raw)", ".01 SEC, GAIN= 2"),
 }
 
 
-@pytest.mark.parametrize("place", WORDS)
-def test_an_unknown_word_in_a_peer_header_is_rejected(tmp_path, place):
+def test_an_unknown_word_in_a_peer_header_is_rejected(tmp_path):
     text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
-    for words in WORDS[place]:
+    for place, words in ((place, words) for place, others in WORDS.items() for words in others):
         with pytest.raises(UnreadableRecord, match=r"not understood|must state") as caught:
             read(tmp_path, text.replace(place, words), unit=None if "VOLT" in words else "g")
         # The message quotes the word.
@@ -105,16 +80,6 @@ def test_an_unknown_word_in_a_peer_header_is_rejected(tmp_path, place):
         assert quoted in words or words in quoted
     sound = "UNITS OF G. FILTER POINTS: HP=0.1 Hz LP=30.0 Hz"
     assert read(tmp_path, text.replace("UNITS OF G", sound).replace("PLACE", "Millikan Library")).dt == 0.01
-
-
-def test_a_file_with_npts_and_dt_but_no_title_is_a_table(tmp_path):
-    count = "NPTS= 4, DT= .01 SEC\n .1 -.2 .3 .4\n"
-    with pytest.raises(UnreadableRecord, match=r"line 1 has 'NPTS= 4', which is not understood"):
-        read(tmp_path, count, unit="g")
-    assert read(tmp_path, count, unit="g", columns="rows").acceleration.shape == (4,)
-    # A title above a table with times does not make it a file of PEER either.
-    table = "Acceleration time history\ntime (s),acc (g)\n0.00,.1\n0.01,.2\n0.02,.3\n"
-    assert read(tmp_path, table, skip=1).dt == 0.01
 
 
 def test_fortran_exponents_of_three_digits_are_read(tmp_path):

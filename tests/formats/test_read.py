@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import pickle
 import re
 import sys
 import types
@@ -47,13 +46,16 @@ def test_a_file_of_several_channels_needs_the_argument_channel():
 
 
 def test_missing_and_empty_files_and_directories_are_rejected(tmp_path):
-    with pytest.raises(FileNotFoundError, match="the file does not exist"):
-        Record.read(tmp_path / "none.AT2")
-    with pytest.raises(UnreadableRecord, match="the path is a directory"):
-        Record.read(tmp_path)
-    for text in ("", " \n\n"):
-        with pytest.raises(UnreadableRecord, match=r"^a.txt: the file is empty"):
-            read(tmp_path, text)
+    (tmp_path / "a.txt").write_text(" \n\n")
+    for path, error, words in (
+        (tmp_path / "none.AT2", FileNotFoundError, "the file does not exist"),
+        (tmp_path, UnreadableRecord, "the path is a directory"),
+        (".", UnreadableRecord, r"^\.: the path is a directory and not a file"),
+        ("", ValueError, r"^`path` must name a file, but is ''$"),
+        (tmp_path / "a.txt", UnreadableRecord, "^a.txt: the file is empty"),
+    ):
+        with pytest.raises(error, match=words):
+            Record.read(path)
 
 
 def test_a_file_in_utf_16_is_read(tmp_path):
@@ -74,15 +76,9 @@ class Trace:
         self.stats = types.SimpleNamespace(delta=0.01, channel=identity[-3:], starttime="1999-01-02T03:04:05")
 
 
-def obspy(monkeypatch, reads) -> None:
-    """An ObsPy of this function alone."""
-    module = types.ModuleType("obspy")
-    monkeypatch.setattr(module, "read", reads, raising=False)
-    monkeypatch.setitem(sys.modules, "obspy", module)
-
-
 def read_as(monkeypatch, *traces: Trace, unit: str | None = "m/s2"):
-    obspy(monkeypatch, lambda stream: list(traces))
+    """Channels by an ObsPy that has these traces."""
+    monkeypatch.setitem(sys.modules, "obspy", types.SimpleNamespace(read=lambda stream: list(traces)))
     return read_waveforms(b"\x00", unit)
 
 
@@ -114,14 +110,13 @@ def test_a_missing_obspy_is_reported_with_its_extra(monkeypatch, tmp_path):
     def unknown(stream: object) -> None:
         raise TypeError("Unknown format")
 
-    monkeypatch.setitem(sys.modules, "obspy", None)
-    with pytest.raises(
-        UnreadableRecord, match=r"^a.mseed: .* need the extra `obspy`: pip install '.\[obspy\]'"
+    for module, words in (
+        (None, r"need the extra `obspy`: pip install '.\[obspy\]'"),
+        (types.SimpleNamespace(read=unknown), "ObsPy cannot read it"),
     ):
-        read(tmp_path, b"000001D \x00\x01\x02", "a.mseed")
-    obspy(monkeypatch, unknown)
-    with pytest.raises(UnreadableRecord, match=r"^a.bin: .* ObsPy cannot read it"):
-        read(tmp_path, np.random.default_rng(0).bytes(1000), "a.bin")
+        monkeypatch.setitem(sys.modules, "obspy", module)
+        with pytest.raises(UnreadableRecord, match=f"^a.mseed: .* {words}"):
+            read(tmp_path, b"000001D \x00\x01\x02", "a.mseed")
 
 
 def zipped(*names: str) -> bytes:
@@ -148,122 +143,74 @@ SHEET, OTHER, TABLE = (
 )
 NO_TEXT = {
     "a.xlsx": (zipped("[Content_Types].xml", "xl/workbook.xml"), "a workbook", SHEET),
-    "a.xlsb": (zipped("[Content_Types].xml", "xl/workbook.bin"), "a workbook", SHEET),
     "a.ods": (b"PK\x03\x04" + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet", "a workbook", SHEET),
     "a.xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "a workbook", SHEET),
     "a.docx": (zipped("[Content_Types].xml", "word/document.xml"), "a document", TABLE),
-    "a.npy": (saved(np.save, WAVE), OTHER, TABLE),
     "a.npz": (saved(np.savez, x=WAVE), OTHER, TABLE),
-    "packed.npz": (saved(np.savez_compressed, x=WAVE), OTHER, TABLE),
-    "a.pkl": (pickle.dumps({"a": WAVE}), OTHER, TABLE),
     "v5.mat": (saved(scipy.io.savemat, {"acc": WAVE}), OTHER, TABLE),
-    "v4.mat": (saved(scipy.io.savemat, {"acc": WAVE}, format="4"), OTHER, TABLE),
     "v7.3.mat": (b"MATLAB 7.3 MAT-file, made up".ljust(512) + b"\x89HDF\r\n\x1a\n", OTHER, TABLE),
-    "a.h5": (b"\x89HDF\r\n\x1a\n" + bytes(99), OTHER, TABLE),
-    "a.nc": (b"CDF\x01" + bytes(99), OTHER, TABLE),
     "a.parquet": (b"PAR1" + bytes(99) + b"PAR1", OTHER, TABLE),
-    "a.feather": (b"ARROW1\x00\x00" + bytes(99), OTHER, TABLE),
-    "a.db": (b"SQLite format 3\x00" + bytes(99), OTHER, TABLE),
     "a.rds": (gzip.compress(b"X\n\x00\x00\x00\x03" + bytes(99)), OTHER, TABLE),
     "a.pdf": (b"%PDF-1.7\n" + bytes(99), "a document", TABLE),
-    "a.rtf": (rb"{\rtf1\ansi 0.0 0.1}", "a document", TABLE),
     "a.png": (b"\x89PNG\r\n\x1a\n" + bytes(99), "a picture", TABLE),
     "a.html": (b"\xef\xbb\xbf<!DOCTYPE html><html>0.0 0.1</html>", "a page of HTML or XML", TABLE),
     "a.zip": (zipped("a.AT2", "b.AT2"), "an archive or compressed", "unpack it first"),
-    "a.7z": (b"7z\xbc\xaf\x27\x1c\x00 rest", "an archive or compressed", "unpack it first"),
     "a.bz2": (b"BZh9\x00 rest", "an archive or compressed", "unpack it first"),
     "a.tar": (bytes(257) + b"ustar" + bytes(100), "an archive or compressed", "unpack it first"),
 }
 
 
-@pytest.mark.parametrize("name", NO_TEXT)
-def test_a_binary_file_is_rejected_with_its_kind_and_a_remedy(tmp_path, name):
-    data, kind, remedy = NO_TEXT[name]
-    with pytest.raises(
-        NoAcceleration, match=rf"^{name}: the file is {re.escape(kind)}.*: {remedy}"
-    ) as raised:
-        read(tmp_path, data, name)
-    assert raised.value.content.startswith(kind)
+def test_a_binary_file_is_rejected_with_its_kind_and_a_remedy(tmp_path):
+    for name, (data, kind, remedy) in NO_TEXT.items():
+        words = rf"^{name}: the file is {re.escape(kind)}.*: {remedy}"
+        with pytest.raises(NoAcceleration, match=words) as raised:
+            read(tmp_path, data, name)
+        assert raised.value.content.startswith(kind)
+        assert len(str(raised.value)) < 150
     # A text that begins alike is a text.
-    assert len(str(raised.value)) < 150
+    text = "PAR1 station\n" + "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
+    columns = {"time": 1, "acceleration": 2}
+    assert read(tmp_path, text, unit="g", skip=1, columns=columns).acceleration.shape == (20,)
 
 
-def test_a_text_that_begins_like_a_binary_format_is_read(tmp_path):
-    rows = "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
-    for first in ("PAR1 station", "MATLAB 5.0 export", "par1", "FEA1 model"):
-        for mark in ("# ", ""):
-            how = {"unit": "g", "skip": 1, "columns": {"time": 1, "acceleration": 2}}
-            assert read(tmp_path, f"{mark}{first}\n{rows}", **how).acceleration.shape == (20,)
-
-
-def test_the_source_of_a_record_is_its_file_and_channel():
+def test_source_and_error_message_state_file_and_channel(tmp_path):
     path = DATA / "coalinga_1983_cut.V2"
     named = [f"{path.name}, channel {i} ({name})" for i, name in enumerate(("90 DEG", "UP", "0 DEG"))]
     assert [r.source for r in Record.read_all(path)] == named
-    assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"
-
-
-def test_an_error_message_states_file_and_channel(tmp_path):
-    file = tmp_path / "quake.csv"
-    file.write_text("time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50)))
-    for reads, said in (
-        (Record.read_all, r"^quake.csv, channel 1 \(E\): the peak must be at most 100 m/s\^2"),
-        (Record.read, r"^quake.csv, channel 1 \(E\): the peak"),
-    ):
-        with pytest.raises(UnreadableRecord, match=said):
-            reads(file)
+    text = "time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50))
+    with pytest.raises(UnreadableRecord, match=r"^quake.csv, channel 1 \(E\): the peak must be at most 100"):
+        read(tmp_path, text, "quake.csv")
 
 
 HEADERS = {
-    "SAC displacement": ({"sac": {"idep": 6}}, "displacement"),
     "SAC velocity": ({"sac": {"idep": 7}}, "velocity"),
-    "SAC volts": ({"sac": {"idep": 50}}, "volts"),
     "SAC spectrum": ({"sac": {"idep": 8, "iftype": 3}}, "spectrum"),
     "SEG-Y": ({"segy": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=6)}}, "velocity"),
     "SU": ({"su": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=5)}}, "displacement"),
     "CyberShake": ({"_format": "CYBERSHAKE", "channel": "MXE"}, "velocity"),
     "a factor": ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
-    "pressure": ({"channel": "BDF"}, "pressure"),
     "rotation": ({"channel": "HJE"}, "rotation"),
-    "temperature": ({"channel": "LKO"}, "temperature"),
-    "wind": ({"channel": "LWS"}, "wind"),
     "geophone": ({"channel": "EPZ"}, "velocity"),
     "another instrument": ({"channel": "HXN"}, "the instrument X of HXN"),
-    "a word": ({"channel": "VEL"}, "velocity"),
     "acceleration": ({"channel": "HNE", "sac": {"idep": 8, "iftype": 1}, "calib": 1.0}, None),
     "unknown": ({"channel": "", "sac": {"idep": 5}}, None),
     "K-NET": ({"channel": "EW1"}, None),
-    "a name": ({"channel": "TRA"}, None),
+    "vertical angle": ({"channel": "ACC", "sac": {"idep": 8, "cmpinc": 0.0}, "name": "ACC up"}, None),
     "seismometer": ({"channel": "HHE"}, "samples count as accelerations"),
-    "low gain": ({"channel": "BLN"}, "samples count as accelerations"),
 }
 
 
-@pytest.mark.parametrize("name", HEADERS)
-def test_only_a_waveform_of_an_acceleration_is_read(monkeypatch, name):
-    header, content = HEADERS[name]
-    trace = Trace(np.array([0.0, 0.5]))
-    vars(trace.stats).update(header)
-    if content is None or content.startswith("samples"):
-        (channel,) = read_as(monkeypatch, trace)
-        assert channel.peak == 0.5
-        assert any("count as accelerations" in note for note in channel.notes) == bool(content)
-        with pytest.raises(UnreadableRecord, match="states no unit"):
-            read_as(monkeypatch, trace, unit=None)
-    else:
-        with pytest.raises(UnreadableRecord, match=content):
-            read_as(monkeypatch, trace)
-
-
-def test_an_error_message_on_the_current_folder_states_its_path():
-    with pytest.raises(UnreadableRecord, match=r"^\.: the path is a directory and not a file"):
-        Record.read(".")
-    with pytest.raises(ValueError, match=r"^`path` must name a file, but is ''$"):
-        Record.read("")
-
-
-def test_a_vertical_angle_in_the_header_marks_a_vertical_component(monkeypatch):
-    for name, component in (("HNE", "HNE"), ("ACC", "ACC up")):
+def test_only_a_waveform_of_an_acceleration_is_read(monkeypatch):
+    for header, content in HEADERS.values():
         trace = Trace(np.array([0.0, 0.5]))
-        vars(trace.stats).update({"channel": name, "sac": {"idep": 8, "cmpinc": 0.0}})
-        assert read_as(monkeypatch, trace)[0].component == component
+        vars(trace.stats).update(header)
+        if content is None or content.startswith("samples"):
+            (channel,) = read_as(monkeypatch, trace)
+            assert channel.peak == 0.5
+            assert channel.component == header.get("name", trace.stats.channel)
+            assert any("count as accelerations" in note for note in channel.notes) == bool(content)
+            with pytest.raises(UnreadableRecord, match="states no unit"):
+                read_as(monkeypatch, trace, unit=None)
+        else:
+            with pytest.raises(UnreadableRecord, match=content):
+                read_as(monkeypatch, trace)

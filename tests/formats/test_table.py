@@ -7,11 +7,10 @@ import pytest
 
 import tpd
 from tests.formats.reader import check, read
-from tests.formats.synthetic import G, peer, shaking
+from tests.formats.synthetic import G, shaking
 from tpd.formats.table import columns_in_words
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
-UP, UNKNOWN = "vertical component", "orientation not stated: used as a horizontal component"
 FIRST = np.round(0.1 * shaking(200), 5)
 """The first column of a made-up table. The n-th column is n times the first one."""
 
@@ -34,7 +33,7 @@ def found(folder, text: str, **how) -> list[tuple]:
     (folder / "b.txt").write_text(text, encoding="utf-8")
     records = tpd.Record.read_all(folder / "b.txt", **how)
     peak = np.max(np.abs(FIRST))
-    return [(r.name, round(float(r.pga / peak), 4), r.dt, UP in r.notes) for r in records]
+    return [(r.name, round(float(r.pga / peak), 4), r.dt, "vertical component" in r.notes) for r in records]
 
 
 NORTH, EAST, LONE = ("N", 1.0, 0.01, False), ("E", 2.0, 0.01, False), ("", 1.0, 0.01, False)
@@ -43,20 +42,15 @@ READ = {
     "a line with the unit": (made("unit: m/s2|dt = 0.01 s|n,e,z", 3, ""), "n e z^"),
     "the unit after the names": (made("t; a; unit: m/s2", mark=";"), ""),
     "the step in a bracket": (made("DT(sec)=0.01|Acceleration (m/s2)", times=""), ""),
-    "the rate": (made("# acc (m/s2)|# Sampling rate: 100 Hz", times=""), ""),
-    "transverse": (made("unit: m/s2|dt = 0.01|T,L,V", 3, ""), "T L V^"),
     "a ruled line": (
         made("unit = m/s2|step: 10 ms|  N-S   E-W   U-D|-----", 3, "", mark=" "),
         "N-S E-W U-D^",
     ),
     "axes": (made("Time (s)\tax (m/s^2)\tay (m/s^2)\taz (m/s^2)", 3, mark="\t"), "x y vertical^"),
     "an acceleration before": (made("t,acc-N (m/s2),acc_E (m/s2)", 2), "acc-N acc_E"),
-    "codes": (made("time (s),HNE (m/s2),HNZ (m/s2)", 2), "HNE HNZ^"),
     "milliseconds": (made("Time [ms],a [m/s2]", times="{:.0f}", step=10), ""),
     "quotation marks": (made('"Time (s)","Acc (m/s2)"', times='"{:.2f}"'), ""),
     "decimal commas": (made("t (s);a (m/s2)", mark=";").replace(".", ","), ""),
-    "long names": (made("Time (s),North-South (m/s2),East-West (m/s2)", 2), "North-South East-West"),
-    "points": (made("time (s),Long. (m/s2),Trans. (m/s2)", 2), "Long. Trans."),
     "blanks before brackets": (made("Time (s)   Acceleration (m/s2)", mark=" "), ""),
 }
 
@@ -68,20 +62,12 @@ def test_a_table_whose_columns_are_named_is_read(name, tmp_path):
     assert found(tmp_path, text) == expected
 
 
-UNITS = {
-    "t,N (g)": G,
-    "t,N (cm/s2)": 0.01,
-    "t,N (mg)": 1e-3 * G,
-    "t,N (in/sec^2)": 0.0254,
-    "t,N (%g)": 0.01 * G,
-}
-
-
-@pytest.mark.parametrize("head", UNITS)
-def test_the_unit_of_a_column_is_read_and_no_option_contradicts_it(head, tmp_path):
-    np.testing.assert_allclose(read(tmp_path, made(head)).acceleration, UNITS[head] * FIRST, rtol=1e-12)
-    with pytest.raises(UnreadableRecord, match=r"the header states the unit .*, but `unit` is 'ft/s2'"):
-        read(tmp_path, made(head), unit="ft/s2")
+def test_the_unit_of_a_column_is_read_and_no_option_contradicts_it(tmp_path):
+    for unit, factor in (("g", G), ("cm/s2", 0.01), ("in/sec^2", 0.0254), ("%g", 0.01 * G)):
+        text = made(f"t,N ({unit})")
+        np.testing.assert_allclose(read(tmp_path, text).acceleration, factor * FIRST, rtol=1e-12)
+        with pytest.raises(UnreadableRecord, match=r"the header states the unit .*, but `unit` is 'ft/s2'"):
+            read(tmp_path, text, unit="ft/s2")
 
 
 SKIP, TWO, THREE = {"skip": 1}, "N (m/s2)=2", "N (m/s2)=2 E (m/s2)=3"
@@ -89,34 +75,19 @@ REFUSED = {
     # The header, the number of columns, the part in the message, and one option that reads the table.
     "a line of maxima": ("#Max U: 70 N: 14 E: 18|#Data: 4F10.3", 3, "'Data: 4F10.3'", "N (m/s2)=3"),
     "another sensor": ("Time (s),S1 (g),S2 (g)", 2, "'S1 .g.'", THREE),
-    "two sensors": ("t (s),N1 (g),E1 (g),N2 (g),E2 (g)", 4, "'N1 .g.'", THREE),
-    "channels": ("t (s),CH1 (g),CH2 (g)", 2, "'CH1 .g.'", THREE),
     "one direction twice": ("t (s),N (m/s2),S (m/s2)", 2, "columns time, north, north are not", TWO),
     "two kinds of axes": ("t (s),N (m/s2),E (m/s2),x (m/s2)", 3, "are not a time and the", THREE),
-    "a total": ("time,ax (m/s^2),ay (m/s^2),aT (m/s^2)", 3, "'aT .m/s.2.'", "time=1 N=2 E=3"),
     "an acceleration beside axes": ("t (s),x (m/s2),y (m/s2),a (m/s2)", 3, "are not a time and the", THREE),
-    "a velocity": ("unit: m/s2|t,a,v", 2, "columns time, acceleration, vertical are", TWO),
-    "another quantity": ("t (s),acc (m/s2),vel (m/s)", 2, "'vel .m/s.'", TWO),
-    "two accelerations": ("t (s),acc V1 (g),acc V2 (g)", 2, "'acc V1 .g.'", TWO),
     "a word before the unit": ("t (s),relative acc (m/s2)", 1, "'relative acc .m/s2.'", TWO),
-    "sample numbers": ("t (s),no,acc (m/s2)", 2, "'no'", "N (m/s2)=3"),
-    "another language": ("Zeit (s),Nord (m/s2)", 1, "has 'Zeit .s. Nord", TWO),
-    "minutes": ("t (min),a (m/s2)", 1, "'t .min.'", TWO),
     "a period": ("T (s),a (m/s2)", 1, "'T .s.'", TWO),
-    "a unit that is not known": ("t (s),a (counts)", 1, "'a .counts.'", TWO),
     "a factor": ("t (s),a (cm/s2 x 10)", 1, "'a .cm/s2 x 10.'", TWO),
-    "a small unit": ("t (s),a (µg)", 1, "'a .µg.'", TWO),
     "a unit beside the name": ("t,acc_gal", 1, "'acc_gal'", TWO),
     "a normalised motion": ("Record: Nowhere normalised|unit: m/s2|t (s),acc", 1, "normalised", SKIP),
-    "a doubled motion": ("doubled|t (s),acc (m/s2)", 1, "line 1 has 'doubled'", SKIP),
     "a line like a component": ("N 090|t (s),acc (m/s2)", 1, "line 1 has 'N 090'", SKIP),
-    "a title": ("Corner frequency|t (s),acc (m/s2)", 1, "line 1 has 'Corner frequency'", SKIP),
-    "two lines of names": ("t (s),acc (m/s2)|t,acc", 1, "line 2 has 't acc'", TWO),
     "units below the names": ("Time,Acc|s,gal", 1, "line 2 has 's gal'", TWO),
     "two units": ("unit: m/s2|unit: gal|t (s),acc", 1, "line 2 has 'unit: gal'", TWO),
     "numbers of the columns": ("1,2|t (s),acc (m/s2)", 1, "line 1 has '1 2'", SKIP),
     "no names": ("", 2, "line 1 has 3 numbers, but no line above names the columns", THREE),
-    "a spectrum beside": ("t (s),acc (m/s2),period (s),SA (g)", 3, "'period .s.'", TWO),
 }
 
 
@@ -153,18 +124,11 @@ def _columns(option: str) -> dict[str, int]:
 
 
 def test_columns_are_described_by_what_they_can_be():
-    x = np.sin(np.arange(100.0))
-    columns = {
-        "a": np.arange(100.0),
-        "b": np.arange(100.0) ** 2,
-        "c": 0 * x,
-        "d": x * x,
-        "e": x + 0.5,
-        "f": x,
-    }
-    kinds = ("times, numbers", "unequal steps", "a constant", "without a sign", "with an offset", "a motion")
-    for line, kind in zip(columns_in_words(columns)[1:], kinds, strict=True):
-        assert kind in line
+    x, n = np.sin(np.arange(100.0)), np.arange(100.0)
+    kinds = {"times, numbers": n, "unequal steps": n**2, "a constant": 0 * x, "without a sign": x * x}
+    kinds |= {"with an offset": x + 0.5, "a motion": x}
+    lines = columns_in_words(dict(zip("abcdef", kinds.values(), strict=True)))[1:]
+    assert all(kind in line for line, kind in zip(lines, kinds, strict=True))
 
 
 def test_a_table_without_names_needs_options_that_state_all(tmp_path):
@@ -201,28 +165,8 @@ def test_decimal_commas_in_one_column_are_reported(tmp_path, columns):
         read(tmp_path, text, dt=0.01, unit="g", columns=columns)
 
 
-def test_a_count_above_whole_samples_is_not_read_as_a_sample(tmp_path):
-    samples = "".join(f"{round(1e4 * a)}\n" for a in FIRST)
-    for first in ("200\n", "200\n5\n"):
-        with pytest.raises(UnreadableRecord, match="line 1 has '200', which can be the step or the number"):
-            read(tmp_path, first + samples, dt=0.005, unit="mg")
-
-
-FIRST_LINES = [
-    "0.01",
-    "200",
-    "200\n0.01",
-    "0.01\n200",
-    "200 0.01",
-    "0.01 200",
-    "200\n5",
-    "200 0.01 1",
-    "1e-2",
-]
-
-
-@pytest.mark.parametrize("lines", FIRST_LINES)
-@pytest.mark.parametrize("head", ["", "# acc (g)\n", "Some quake\n"])
+@pytest.mark.parametrize("lines", ["0.01", "200", "200\n0.01", "200 0.01", "200 0.01 1"])
+@pytest.mark.parametrize("head", ["", "Some quake\n"])
 def test_a_count_or_a_step_above_a_column_is_not_read_as_a_sample(tmp_path, lines, head):
     how, text = {"dt": 0.01, "unit": "g"}, f"{head}{lines}\n{made('', times='')}"
     for _ in range(4):
@@ -233,21 +177,21 @@ def test_a_count_or_a_step_above_a_column_is_not_read_as_a_sample(tmp_path, line
             # The advised options read the file.
             how |= {key: value for key, value in error.options.items() if value not in ("UNIT", "STEP")}
     assert record.acceleration.shape == (200,)
+    samples = "".join(f"{round(1e4 * a)}\n" for a in FIRST)
+    with pytest.raises(UnreadableRecord, match="line 1 has '200', which can be the step or the number"):
+        read(tmp_path, f"200\n{samples}", dt=0.005, unit="mg")
 
 
 DAMAGED = r"""
 unequal steps | t,a (g)\n0,0\n0.02,1\n0.07,1\n0.09,0\n | steps, but the step after line 3 is 0.05 s
 time backwards | t,a (g)\n0,0\n-0.02,1\n | line 3 has an earlier time than line 2, but the times must grow
-equal times | t,a (g)\n0,0\n0.02,1\n0.02,1\n0.04,0\n | line 4 has the same time as line 3
 coarse times | t,a (g)\n0.000,0\n0.003,1\n0.007,1\n0.010,1\n | too few digits to show equal steps
 long steps | t,a (g)\n0,0\n5,1\n10,1\n | times with steps of 5 need a unit
 a row too short | t,a (g)\n0,0\n0.02\n0.04,1\n0.06,1\n | line 3 must have 2 numbers, but has '0.02'
-nan | t,a (g)\n0,0\n0.02,nan\n | line 3 must contain numbers, but has 'nan'
 a word | t (s),a (g)\n0.00,0.1\n0.01,x\n0.02,0.2\n | line 3 must contain numbers, but has 'x'
 absurd peak | t,a (g)\n0,0\n0.02,100\n | peak must be at most 100 m/s
 cut | t,a (g)\n0,0\n0.02,0.1 | must end with a line break
 thousands | t (s);a (mg)\n0.00;12\n0.01;1,219\n0.02;-3,456\n | 1,219.* may have a separator of thousands
-more thousands | t (s)\ta (mg)\n0.00\t12\n0.01\t1,219\n0.02\t-345\n | 1,219.* may have a separator
 thousands with a point | t (s);a (mg)\n0,00;12\n0,01;1.219\n0,02;-345\n | 1.219.* may have a separator
 two units | unit: gal\nt,a (g)\n0,0\n0.02,1\n | several units of acceleration: g, gal
 another step | dt = 0.01\nt,a (g)\n0,0\n0.02,1\n | stated step is 0.01 s, but the step of the times is 0.02 s
@@ -261,55 +205,39 @@ def test_a_damaged_table_is_rejected_in_one_sentence(row, tmp_path):
         read(tmp_path, text.replace("\\n", "\n").replace("\\t", "\t"))
     assert "\n" not in str(caught.value)
     assert not isinstance(caught.value, NoAcceleration)
-
-
-def test_three_decimals_that_are_no_thousands_are_read(tmp_path):
+    # Here three decimals are no thousands.
     assert read(tmp_path, "t (s);a (mg)\n0,000;12\n0,005;1,219\n0,010;-345\n").dt == 0.005
-    assert read(tmp_path, "t (s),a (g)\n0,1\n1,2\n2,0\n3,1\n").dt == 1.0
 
 
-@pytest.mark.parametrize(("rate", "form"), [(128, "{:g}"), (300, "{:.5f}"), (300, "{:g}"), (75, "{:.3f}")])
+@pytest.mark.parametrize(("rate", "form"), [(128, "{:g}"), (300, "{:.5f}"), (75, "{:.3f}")])
 def test_rounded_times_have_equal_steps(rate, form, tmp_path):
     lines = ["t,a (g)\n", *(f"{form.format(i / rate)},{i % 7}\n" for i in range(390))]
     assert read(tmp_path, "".join(lines)).dt == pytest.approx(1.0 / rate, rel=1e-12)
     with pytest.raises(UnreadableRecord, match="equal steps"):
         read(tmp_path, "".join(lines[:200] + lines[201:]))
-
-
-def test_times_in_single_precision_have_equal_steps(tmp_path):
+    # Times in single precision.
     times = np.arange(4000, dtype=np.float32) * np.float32(0.01)
     rows = (f"{t:.9f} {x:.4f}\n" for t, x in zip(times, shaking(4000), strict=True))
     assert read(tmp_path, "time (s) acc (g)\n" + "".join(rows)).dt == 0.01
 
 
-CONTRADICTED = {
-    "step": ("dt = 0.01 s|acc (g)", "", {"dt": 0.02}, "a step of 0.01 s, but `dt` is 0.02 s"),
-    "times": (
-        "t (s),a (g)",
-        "{:.2f}",
-        {"dt": 0.02},
-        "stated step is 0.02 s, but the step of the times is 0.01",
-    ),
-    "direction": ("t (s),E (g)", "{:.2f}", {"columns": {"t": 1, "N": 2}}, "column 2 'E .g.', but .* it 'N'"),
-    "time": ("t (s),E (g)", "{:.2f}", {"columns": {"N": 1, "E": 2}}, "column 1 't .s.', but `columns`"),
-    "quantity": ("t,vel (m/s)", "{:.2f}", {"columns": {"t": 1, "a (g)": 2}}, "names column 2 'vel .m/s.'"),
-    "unit of time": ("t (ms),a (g)", "{:.2f}", {"columns": {"time (s)": 1, "a": 2}}, "column 1 't .ms.'"),
-    "unit": ("t (s),a (g)", "{:.2f}", {"columns": {"t": 1, "a (gal)": 2}}, "names column 2 'a .g.'"),
-    "no column": (
-        "t (s),a (g)",
-        "{:.2f}",
-        {"columns": {"t": 1, "a": 7}},
-        "no row of numbers in the columns",
-    ),
-    "no line": ("t (s),a (g)", "{:.2f}", {"skip": 500}, "no row of numbers after line 500"),
-}
+CONTRADICTED = (
+    ("dt = 0.01 s|acc (g)", {"dt": 0.02}, "a step of 0.01 s, but `dt` is 0.02 s"),
+    ("t (s),a (g)", {"dt": 0.02}, "stated step is 0.02 s, but the step of the times is 0.01"),
+    ("t (s),E (g)", {"columns": {"t": 1, "N": 2}}, "column 2 'E .g.', but .* it 'N'"),
+    ("t (s),E (g)", {"columns": {"N": 1, "E": 2}}, "column 1 't .s.', but `columns`"),
+    ("t,vel (m/s)", {"columns": {"t": 1, "a (g)": 2}}, "names column 2 'vel .m/s.'"),
+    ("t (ms),a (g)", {"columns": {"time (s)": 1, "a": 2}}, "column 1 't .ms.'"),
+    ("t (s),a (g)", {"columns": {"t": 1, "a (gal)": 2}}, "names column 2 'a .g.'"),
+    ("t (s),a (g)", {"columns": {"t": 1, "a": 7}}, "no row of numbers in the columns"),
+    ("t (s),a (g)", {"skip": 500}, "no row of numbers after line 500"),
+)
 
 
-@pytest.mark.parametrize("name", CONTRADICTED)
-def test_an_option_that_contradicts_the_file_is_rejected(name, tmp_path):
-    head, times, how, message = CONTRADICTED[name]
-    with pytest.raises(UnreadableRecord, match=message):
-        found(tmp_path, made(head, times=times), **how)
+def test_an_option_that_contradicts_the_file_is_rejected(tmp_path):
+    for head, how, message in CONTRADICTED:
+        with pytest.raises(UnreadableRecord, match=message):
+            found(tmp_path, made(head, times="{:.2f}" if head.startswith("t") else ""), **how)
 
 
 def test_options_describe_a_table_with_an_unknown_header(tmp_path):
@@ -331,13 +259,6 @@ def test_options_describe_a_table_with_an_unknown_header(tmp_path):
     ):
         with pytest.raises(ValueError, match=message):
             found(tmp_path, text, **({"unit": "g"} | wrong))
-
-
-def test_a_file_of_an_agency_is_read_as_a_table_only_on_request(tmp_path):
-    text = "\n".join([*peer(shaking(100), 0.01).splitlines()[:4], made("")])
-    with pytest.raises(UnreadableRecord, match=r"line 5 must contain numbers, but has '0.00,0.00000'"):
-        read(tmp_path, text)
-    assert found(tmp_path, text, columns={"time (s)": 1, "N (m/s2)": 2}) == [NORTH]
 
 
 def test_a_file_without_rows_of_numbers_is_shown(tmp_path):

@@ -38,24 +38,20 @@ def test_fixed_width_columns_must_be_full():
             Cursor(wrong, True).fixed(3, 2, 6, "samples")
 
 
-def test_a_file_must_end_after_its_last_line():
+def test_a_file_must_end_after_its_last_line_and_have_the_stated_lines():
     Cursor(["", " "], True).require_end()
     Cursor([""], False).require_end(whole=True)
-    for cursor, said in (
-        (Cursor(["1"], True), "line 1 must be the end of the file, but is '1'"),
-        (Cursor(["", ""], False), "the last line, 2, must end with a line break"),
-    ):
-        with pytest.raises(UnreadableRecord, match=re.escape(said)):
-            cursor.require_end()
-    with pytest.raises(UnreadableRecord, match="line 1 must be a comment"):
-        Cursor(["no"], True).comments(1)
-    with pytest.raises(UnreadableRecord, match="line 1 must state a step, but is 'no'"):
-        Cursor(["no"], True).match("dt", "a step")
     header = Cursor(["a", "DT 5"], True).header(2)
     assert header.match(2, r"dt (\d)", "a step")[1] == "5"
-    with pytest.raises(UnreadableRecord, match="line 1 must state a step"):
-        header.match(1, r"dt (\d)", "a step")
-    assert text.quote("x " * 99) == repr(("x " * 25) + "...")
+    for call, said in (
+        (Cursor(["1"], True).require_end, "line 1 must be the end of the file, but is '1'"),
+        (Cursor(["", ""], False).require_end, "the last line, 2, must end with a line break"),
+        (lambda: Cursor(["no"], True).comments(1), "line 1 must be a comment"),
+        (lambda: Cursor(["no"], True).match("dt", "a step"), "line 1 must state a step, but is 'no'"),
+        (lambda: header.match(1, r"dt (\d)", "a step"), "line 1 must state a step"),
+    ):
+        with pytest.raises(UnreadableRecord, match=re.escape(said)):
+            call()
 
 
 class Counted(list):
@@ -84,12 +80,9 @@ def test_the_reading_time_is_linear_in_the_number_of_rows():
 
     column = Format(lambda values, dt: "".join(f"{v:9.4f}\n" for v in values), ".4f", 1.0, 1.0)
     # The CSV of K-NET, and a table by its own reader.
-    rows = [
-        (form, next(reader for known, reader in _FORMATS if known(lines_of(form, 100))))
-        for form in FORMATS[:9]
-    ]
+    rows = [(f, next(reader for known, reader in _FORMATS if known(lines_of(f, 100)))) for f in FORMATS[:9]]
     rows += [
-        (FORMATS[9], lambda cursor, unit: read_table(cursor, Options())),
+        (FORMATS[9], lambda cursor, _: read_table(cursor, Options())),
         (column, free),
         (column, fixed),
     ]

@@ -3,9 +3,10 @@
 import jax
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.properties.bounded import bounded
 from tests.reference import WITH, named, orbits_of, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Status, simulate
@@ -14,14 +15,7 @@ from tpd.scene.status import SETTLED, names_of
 BOX = ((0.03, 0.5), (0.0, 1.0), (0.02, 2.0), (0.0, 1.0), (0.0, 0.3), (0.0, 1.0), (0.3, 12.0), (0.0, 1.0))
 """Bounds of the parameters, in the order of `tests.reference.NAMES`."""
 OTHERS = (
-    "overturned",
-    "aperiodic",
-    "not_settled",
-    "unstable",
-    "near_fold",
-    "grazing",
-    "event_bound",
-    "held",
+    *("overturned", "aperiodic", "not_settled", "unstable", "near_fold", "grazing", "event_bound", "held"),
     "neutral",
 )
 SAMPLES = 13
@@ -29,16 +23,9 @@ SAMPLES = 13
 designs = st.tuples(*(st.floats(low, high) for low, high in BOX))
 """Hypothesis likes the ends of intervals: no mass, no damping, no friction, no shaking, no rebound."""
 starts = st.tuples(*(st.floats(-0.3, 0.3) for _ in range(4)))
-seeded = settings(
-    deadline=None,
-    derandomize=True,
-    max_examples=60,
-    database=None,
-    phases=[Phase.explicit, Phase.generate],
-)
 
 
-@seeded
+@bounded(60)
 @given(designs, starts)
 def test_every_result_is_finite_or_has_a_status_that_explains_it(x, y0):
     found = solve(x, y0)
@@ -84,17 +71,13 @@ def assert_same(a, b, x):
     assert np.nanmax(np.abs(ys - other)) < 1e-7 * size
 
 
-@seeded
-@given(designs, starts)
-def test_a_mirrored_state_under_mirrored_forcing_gives_the_mirrored_motion(x, y0):
-    ys, status = motions(x, -np.array(y0), 0.5)
-    assert_same(motions(x, y0, 0.0), (-ys, status), x)
-
-
-@seeded
+@bounded(60)
 @given(designs, starts, st.integers(1, 9))
-def test_a_shift_by_whole_periods_does_not_change_the_motion(x, y0, periods):
-    assert_same(motions(x, y0, 0.0), motions(x, y0, float(periods)), x)
+def test_mirrored_forcing_and_a_shift_by_whole_periods_give_the_same_motion(x, y0, periods):
+    motion = motions(x, y0, 0.0)
+    assert_same(motion, motions(x, y0, float(periods)), x)
+    ys, status = motions(x, -np.array(y0), 0.5)
+    assert_same(motion, (-ys, status), x)
 
 
 def test_orbits_do_not_depend_on_order_or_size_of_their_batch():

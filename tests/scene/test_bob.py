@@ -40,30 +40,17 @@ def test_radius_and_height_of_a_bob_give_its_mass(bob):
 @pytest.mark.parametrize("length", [0.15, 0.5, 2.0])
 def test_the_reach_of_a_bob_is_its_largest_offset_up_to_an_angle(bob, length):
     points = outline(bob, MASS)
-    for most in (0.0, 0.2, 0.7, 1.3, 1.57, 2.0, 3.0):
+    for most in (0.0, 0.7, 1.57, 2.0, 3.0):
         # The rod hangs down at angle zero: a point at (across, along) turns with it about the hinge.
         angles = np.linspace(0.0, most, 4001 if bob.shape == "cylinder" else 401)
         across, along = points[:, 0], length - points[:, 1]
         far = across[:, None] * np.cos(angles) + along[:, None] * np.sin(angles)
         assert bob.reach(MASS, length, most) == pytest.approx(far.max(), rel=1e-5)
-
-
-@ALL
-def test_derivatives_of_the_reach_equal_finite_differences(bob):
-    at = np.array([15.0, 0.5, 0.6]), np.array([60.0, 0.9, 1.2]), np.array([4.0, 0.3, 2.4])
-    for x in at:
-        slopes = jax.jacfwd(lambda y: bob.reach(*y))(x)
-        for axis, slope in enumerate(slopes):
-            step = 1e-6 * x[axis] * np.eye(3)[axis]
-            up, down = (bob.reach(*(x + s * step)) for s in (1, -1))
-            assert slope == pytest.approx((up - down) / (2e-6 * x[axis]), rel=1e-7, abs=1e-8), axis
-
-
-@ALL
-def test_the_reach_of_arrays_equals_the_reach_of_each_element(bob):
-    mass, length = np.array([[10.0], [20.0]]), np.array([0.5, 0.6, 0.7])
-    single = [[bob.reach(*m, x, 0.4) for x in length] for m in mass]
-    np.testing.assert_allclose(bob.reach(mass, length, np.full((2, 3), 0.4)), single, rtol=1e-14)
+    slopes = jax.jacfwd(lambda x: bob.reach(*x))(np.array([MASS, length, 0.6]))
+    for axis, slope in enumerate(slopes):
+        x = np.array([MASS, length, 0.6]) * (1.0 + 1e-6 * np.array([[1.0], [-1.0]]) * np.eye(3)[axis])
+        difference = np.subtract(*bob.reach(*x.T)) / np.subtract(*x[:, axis])
+        assert slope == pytest.approx(difference, rel=1e-7, abs=1e-8), axis
 
 
 @ALL
@@ -77,28 +64,17 @@ def test_the_moment_of_inertia_of_a_bob_is_that_of_the_solid(bob):
     assert bob.inertia_share(MASS, LENGTH) == pytest.approx(own / LENGTH**2, rel=1e-8)
 
 
-def test_the_rod_carries_ten_times_the_weight_of_the_bob():
-    section = BALL.rod_share(LENGTH, 9.81) * MASS / (STEEL * LENGTH)
-    assert 10.0 * MASS * 9.81 / section == pytest.approx(2e8, rel=1e-12)
-
-
-def test_a_bob_is_described_with_its_material():
+def test_a_bob_is_described_with_its_material_and_must_be_possible():
     assert str(BALL) == "a solid ball of steel"
     assert str(SLIM) == "a solid cylinder of steel, 3 times as high as wide"
     assert str(Bob(density=11340.0)) == "a solid ball of 11340 kg/m³"
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+    for wrong, message in (
         ({"shape": "cube"}, "`shape` must be .*ball.*cylinder.* but is 'cube'"),
         ({"density": 1.0}, r"`density` must be between 100 and 25000 kg/m\^3, but is 1"),
         ({"shape": "cylinder", "aspect": 0.01}, r"`aspect` must be between 0\.1 and 20, but is 0\.01"),
-    ],
-)
-def test_impossible_bobs_are_rejected(given, message):
-    with pytest.raises(ValueError, match=message):
-        Bob(**given)
+    ):
+        with pytest.raises(ValueError, match=message):
+            Bob(**wrong)
 
 
 @pytest.mark.parametrize("bob", [BALL, Bob(shape="cylinder", aspect=1.5)], ids=str)
@@ -111,6 +87,8 @@ def test_a_bob_as_built_has_the_moments_of_the_equivalent_point_mass(bob):
     assert body * at**2 * (1.0 + i + r / 3.0) == pytest.approx(mass * length**2, rel=1e-9)
     assert body > mass
     assert at < length
+    # The rod carries ten times the weight of the bob.
+    assert r == pytest.approx(10.0 * g * STEEL * at / 2e8, rel=1e-12)
     assert np.isnan(bob.built(552.6, 0.1, g)).all(), "no such body swings as so short a pendulum"
 
 

@@ -6,9 +6,8 @@ import pytest
 from tpd.scene.ensemble import Ensemble, Starts
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
+def test_invalid_ensembles_are_rejected():
+    for wrong, message in (
         ({"periods": 0}, "`periods` must be a whole number, 1 or more, but is 0"),
         ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
         ({"tilt": -0.1}, r"`tilt` must be zero or positive, and finite, but is -0\.1"),
@@ -16,11 +15,9 @@ from tpd.scene.ensemble import Ensemble, Starts
         ({"growth": (1.0, -2.0)}, "`growth` must be zero or positive, and finite, but is -2"),
         ({"growth": (1.0, 1e300)}, r"`growth` must be at most 100, the periods of a run, but is 1e\+300"),
         ({"disturbed": 1.5}, "`disturbed` must be between 0 and 1, but is 1.5"),
-    ],
-)
-def test_invalid_ensembles_are_rejected(wrong, message):
-    with pytest.raises(ValueError, match=message):
-        Ensemble(**wrong)
+    ):
+        with pytest.raises(ValueError, match=message):
+            Ensemble(**wrong)
 
 
 def test_initial_states_fill_their_ranges_and_the_first_is_at_rest():

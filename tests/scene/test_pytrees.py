@@ -13,17 +13,7 @@ import optax
 from tpd.scene.pytrees import pytree
 
 HEAVY = "jax", "diffrax", "optax", "equinox", "numba", "scipy", "matplotlib", "dask"
-LIGHT = (
-    *("core.checks", "limits", "records", "records.intensity", "records.read"),
-    *(
-        "scene.conditions",
-        "scene.ensemble",
-        "scene.quantities",
-        "scene.record",
-        "scene.scene",
-        "scene.ensemble",
-    ),
-)
+LIGHT = "core.checks", "limits", "records.intensity", "records.read", "scene.quantities", "scene.record"
 """Modules of what is checked before JAX is imported."""
 
 
@@ -34,17 +24,11 @@ from importlib import import_module
 for name in {LIGHT}:
     import_module(f"tpd.{{name}}")
 from tpd.scene.conditions import Conditions, under_all
-from tpd.scene.ensemble import Ensemble
+from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.scene import paper_scene
-from tpd.scene.ensemble import Starts
 scene = paper_scene()
 under_all(scene.parameters(), [[0.1, 0.3, 0.1]], Conditions.around(scene))
-for make, wrong in ((Ensemble, {{"size": 0}}), (Starts, {{"tilt": "much"}})):
-    try:
-        make(**wrong)
-    except ValueError:
-        continue
-    raise SystemExit(f"{{wrong}} is allowed")
+Ensemble(), Starts()
 print(sorted({{*sys.modules}} & {{*{HEAVY}}}))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +10,6 @@ import pytest
 
 from tpd import Block, Harmonic, Pendulum, Scene, paper_scene, steady_state
 from tpd.scene.parameters import NAMES
-from tpd.scene.scene import STANDARD_GRAVITY
 from tpd.theory import uplift
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}
@@ -45,53 +43,59 @@ def test_a_pendulum_in_si_units_has_the_ratios_of_its_definition():
     assert (p.mu, p.lam, p.zeta) == pytest.approx((0.1, 0.8, 0.07), rel=1e-14)
 
 
-def test_gravity_and_size_scale_the_forcing_and_not_the_block():
-    small = paper_scene().parameters()
-    large = Scene(
-        Block(width=0.2, height=0.8, mass=100.0, friction=0.05, restitution=1.0),
-        Harmonic(amplitude=0.03, frequency=2.5),
-        gravity=2 * STANDARD_GRAVITY,
-    ).parameters()
-    assert jax.tree.leaves(large) == pytest.approx(jax.tree.leaves(small), rel=1e-12)
+def sized(width, height, mass, **others):
+    return Block, {"width": width, "height": height, "mass": mass, **others}
 
 
-def block(width, height, mass):
-    return Block, {"width": width, "height": height, "mass": mass}
-
-
-def harmonic(amplitude, frequency):
-    return Harmonic, {"amplitude": amplitude, "frequency": frequency}
-
-
-UNITS = {
-    "lengths in mm": (*block(100.0, 400.0, 16.224), "give 4.06e-06 kg/m"),
-    "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
-    "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
-    "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
-    "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
-    "amplitude in mm": (
-        *harmonic(50.0, 1.0),
-        "must be at most 10 g, but is 201 g: are they in m and Hz?",
+SIZES = BLOCK.values()
+EARTH = Scene, {"block": Block(**BLOCK), "excitation": Harmonic(**MOTION)}
+WRONG = {
+    "lengths in mm": (*sized(100.0, 400.0, 16.224), "give 4.06e-06 kg/m"),
+    "mass in t": (*sized(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
+    "mass in g": (*sized(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
+    "height in mm": (*sized(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
+    "a batch": (*sized(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
+    "a wide block": (*sized(0.3, 0.4, 48.0), "`width` must be at most 0.5 of `height`"),
+    "exchanged": (*sized(0.5, 0.4, 80.0), "are width and height exchanged?"),
+    "wide cavity": (
+        *sized(*SIZES, cavity_width=0.1),
+        "less than the width of the block, 0.1 m",
     ),
-    "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
+    "thin walls": (*sized(*SIZES, cavity_width=0.099), "the walls around 0.099 m have 2.04e+05 kg"),
+    "gyration": (
+        *sized(*SIZES, radius_of_gyration=0.207),
+        "half the diagonal of the block",
+    ),
+    "base friction": (*sized(*SIZES, base_friction=2.5), "between 0 and 2, but is 2.5"),
+    "effective width": (*sized(*SIZES, effective_width=1.01), "`effective_width` must be"),
+    "narrow base": (*sized(*SIZES, effective_width=0.19), "`effective_width` must be"),
+    "amplitude in mm": (
+        Harmonic,
+        {"amplitude": 50.0, "frequency": 1.0},
+        "at most 10 g, but is 201 g",
+    ),
+    "frequency in mHz": (Harmonic, {"amplitude": 0.081, "frequency": 850.0}, "are they in m and Hz?"),
     "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
     "axis of vmap": (Pendulum, {**PENDULUM, "length": None}, "`in_axes` of `jax.vmap` must be 0, with an"),
+    "gravity in cm/s2": (EARTH[0], EARTH[1] | {"gravity": 981.0}, "(on Earth it is 9.80665), but is"),
+    "gravity in g": (EARTH[0], EARTH[1] | {"gravity": 1.0}, "between 1.5 and 30 m/s^2"),
+    "no hinge": (Pendulum, {**PENDULUM, "hinge_height": 0.0}, "but is 0"),
+    "high hinge": (
+        paper_scene().parameters,
+        {"pendulum": Pendulum(**PENDULUM, hinge_height=0.81)},
+        "at most 0.8, twice the height of the block, but is 0.81",
+    ),
+    "low hinge": (Pendulum, {**PENDULUM, "hinge_height": 0.09}, "at most 0.09, the height of the hinge"),
 }
-"""Quantities in another unit, each with what the sentence says."""
+"""Quantities in another unit or out of range, each with part of the sentence."""
 
 
-@pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
-def test_quantities_in_a_wrong_unit_are_rejected(make, given, said):
-    with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
-        make(**given)
+@pytest.mark.parametrize(("make", "quantities", "said"), WRONG.values(), ids=WRONG)
+def test_quantities_in_a_wrong_unit_or_out_of_range_are_rejected(make, quantities, said):
+    with pytest.raises(ValueError, match=r"^`[\w.]+` ") as refused:
+        make(**quantities)
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
-def test_a_gravity_in_a_wrong_unit_is_rejected(gravity):
-    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
-        Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
 def test_light_and_heavy_blocks_and_lunar_gravity_are_accepted():
@@ -104,55 +108,15 @@ def test_light_and_heavy_blocks_and_lunar_gravity_are_accepted():
 
 def test_the_clear_width_of_a_block_is_its_stated_cavity():
     assert Block(**BLOCK).clear_width == np.inf
-    assert Block(**BLOCK, cavity_width=0.07).clear_width == 0.07
-    assert paper_scene().block.cavity_width == 0.08
-    for wide in (1.0, 1.001):
-        with pytest.raises(
-            ValueError,
-            match=r"`cavity_width` must be less than the width of the block, 0\.\d+ m, because the w",
-        ):
-            Block(**BLOCK, cavity_width=wide * BLOCK["width"])
     # 16.224 kg / ((0.1^2 - w^2) 0.4 m^3)
     assert Block(**BLOCK, cavity_width=0.0958).clear_width == 0.0958
-    with pytest.raises(
-        ValueError, match=r"at most 50000 kg/m\^3 .* the walls around 0.099 m have 2.04e\+05 kg"
-    ):
-        Block(**BLOCK, cavity_width=0.099)
-
-
-def test_a_radius_of_gyration_is_at_most_half_the_diagonal():
     assert Block(**BLOCK, radius_of_gyration=0.2061).radius_of_gyration == 0.2061
-    with pytest.raises(
-        ValueError, match=r"must be at most 0\.2061\d*, half the diagonal of the block, but is 0.207"
-    ):
-        Block(**BLOCK, radius_of_gyration=0.207)
-
-
-def test_a_block_wider_than_half_its_height_is_rejected():
-    for width, has_hint in ((0.3, False), (0.5, True)):
-        with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`") as refused:
-            Block(width=width, height=0.4, mass=16.0 * width / 0.1)
-        assert ("are width and height exchanged?" in str(refused.value)) is has_hint
-
-
-def test_the_friction_coefficient_of_the_base_is_at_most_two():
     assert Block(**BLOCK, base_friction=np.array([0.3, 0.6])).base_friction.tolist() == [0.3, 0.6]
-    with pytest.raises(ValueError, match=r"`base_friction` must be between 0 and 2, but is 2\.5"):
-        Block(**BLOCK, base_friction=2.5)
 
 
 def test_the_hinge_damping_follows_from_the_damping_ratio_on_a_fixed_support():
     # 2 zeta m l^2 sqrt(g/l)
     assert WITH.hinge_damping(9.7) == pytest.approx(2 * 0.2 * 1.2 * 0.05**2 * np.sqrt(9.7 / 0.05), rel=1e-14)
-
-
-def test_housners_restitution_of_a_rectangle_equals_the_textbook():
-    block = Block(**BLOCK, restitution="housner")
-    alpha = np.arctan(0.1 / 0.4)
-    assert block.velocity_ratio == pytest.approx(1 - 1.5 * np.sin(alpha) ** 2, rel=1e-14)
-    p = Scene(block, Harmonic(**MOTION)).parameters()
-    assert p.e is None
-    assert p.velocity_ratio == block.velocity_ratio
 
 
 def test_the_effective_width_narrows_the_base_and_keeps_the_mass():
@@ -173,32 +137,16 @@ def test_the_effective_width_narrows_the_base_and_keeps_the_mass():
     narrow = replace(stated, effective_width=0.9)
     a, b = 0.45 * whole.width, 0.5 * whole.height
     assert narrow.inertia_ratio == pytest.approx(b**2 / (a**2 + b**2 + 0.13**2), rel=1e-15)
-
-
-def test_an_effective_width_of_one_is_the_default():
     assert Block(**BLOCK, effective_width=1.0) == Block(**BLOCK, effective_width=1) == Block(**BLOCK)
-    for wrong in (0.0, 1.01, -0.9, 0.19):
-        with pytest.raises(ValueError, match="`effective_width` must be"):
-            Block(**BLOCK, effective_width=wrong)
-
-
-def test_the_effective_width_is_differentiable():
-    def rate(share: Any) -> Any:
-        block = replace(Block(**BLOCK, effective_width=0.9), effective_width=share)
-        p = Scene(block, Harmonic(**MOTION)).parameters()
-        return p.rho * p.nu + p.velocity_ratio
-
-    h = 1e-6
-    assert jax.grad(rate)(0.9) == pytest.approx((rate(0.9 + h) - rate(0.9 - h)) / (2.0 * h), rel=1e-7)
 
 
 def test_housners_restitution_includes_the_mass_of_the_bob():
-    block, with_it = (
-        Block(**BLOCK, restitution="housner"),
-        Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1),
-    )
+    block = Block(**BLOCK, restitution="housner")
+    with_it = Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1)
     p = Scene(block, Harmonic(**MOTION)).parameters(with_it)
     share = p.inertia_ratio * 0.25**2
+    # The textbook has the rectangle alone.
+    assert block.velocity_ratio == pytest.approx(1 - 1.5 * np.sin(np.arctan(0.25)) ** 2, rel=1e-14)
     assert p.velocity_ratio == pytest.approx((1 - 2.1 * share) / (1 + 0.1 * share), rel=1e-14)
     assert p.velocity_ratio < block.velocity_ratio - 0.005
     given = Scene(Block(**BLOCK, restitution=0.9), Harmonic(**MOTION)).parameters(with_it)
@@ -206,15 +154,8 @@ def test_housners_restitution_includes_the_mass_of_the_bob():
 
 
 def test_the_default_losses_are_housners_impacts_without_friction():
-    losses = {
-        (): (0.0, None),
-        (("restitution", 0.9),): (0.0, 0.9),
-        (("restitution", 1.0),): (0.0, 1.0),
-        (("friction", 0.1),): (0.1, None),
-        (("friction", 0.02), ("restitution", 0.9)): (0.02, 0.9),
-    }
-    for given, expected in losses.items():
-        p = Scene(Block(**BLOCK, **dict(given)), Harmonic(**MOTION)).parameters()
+    for losses, expected in (({}, (0.0, None)), ({"friction": 0.02, "restitution": 1.0}, (0.02, 1.0))):
+        p = Scene(Block(**BLOCK, **losses), Harmonic(**MOTION)).parameters()
         assert (p.k, p.e) == expected
 
 
@@ -225,7 +166,9 @@ SCENES = {
     "friction": Scene(Block(**BLOCK, friction=0.05, restitution=0.9), Harmonic(**MOTION)),
     "housner": TIED,
     "all numbers": Scene(
-        Block(**BLOCK, friction=0.02, restitution=0.9, radius_of_gyration=0.13), Harmonic(**MOTION), 9.7
+        Block(**BLOCK, friction=0.02, restitution=0.9, radius_of_gyration=0.13, effective_width=0.9),
+        Harmonic(**MOTION),
+        9.7,
     ),
 }
 
@@ -279,30 +222,17 @@ def test_derivatives_of_the_amplitude_in_si_units_equal_differences():
 
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
 def test_a_batch_of_one_part_can_be_combined_with_single_parts(batched):
-    first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.excitation}
-    second = {
-        Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
-        Block: Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),
-        Harmonic: Harmonic(amplitude=0.014, frequency=2.6),
-    }
-    stacked = jax.tree.map(lambda *x: jnp.stack(x), first[batched], second[batched])
+    parts = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.excitation}
+    stacked = jax.tree.map(lambda x: jnp.array([1.0, 1.02]) * x, parts[batched])
 
     def margin(part):
-        parts = {**first, batched: part}
-        return uplift(Scene(parts[Block], parts[Harmonic]).parameters(parts[Pendulum])).margin
+        with_part = {**parts, batched: part}
+        return uplift(Scene(with_part[Block], with_part[Harmonic]).parameters(with_part[Pendulum])).margin
 
-    expected = [float(margin(part[batched])) for part in (first, second)]
+    expected = [float(margin(jax.tree.map(lambda x, i=i: float(x[i]), stacked))) for i in (0, 1)]
     assert expected[0] != expected[1]
     for margins in (jax.jit(jax.vmap(margin))(stacked), margin(stacked)):
         np.testing.assert_allclose(margins, expected, rtol=1e-14)
-
-
-def test_a_part_of_a_scene_can_have_traced_numbers():
-    def margin(length):
-        return uplift(paper_scene().parameters(Pendulum(mass=1.6, length=length, damping_ratio=0.1))).margin
-
-    expected = [float(margin(x)) for x in (0.1, 0.2)]
-    np.testing.assert_allclose(jax.vmap(margin)(jnp.array([0.1, 0.2])), expected, rtol=1e-14)
 
 
 def test_parts_are_compared_and_hashed_as_plain_numbers():
@@ -320,17 +250,3 @@ def test_the_hinge_is_at_the_top_unless_its_height_is_stated():
     for height, kappa in ((0.4, 2.0), (0.2, 1.0), (0.5, 2.5)):
         at = scene.parameters(scene.pendulum(**sizes, hinge_height=height))
         assert (at.kappa, at.lam, at.mu) == (pytest.approx(kappa, rel=1e-15), 0.5, 0.1)
-
-
-@pytest.mark.parametrize(
-    ("height", "match"),
-    [
-        (0.0, "`hinge_height` must be .* but is 0"),
-        (0.81, "`pendulum.hinge_height` must be at most 0.8, twice the height of the block, but is 0.81"),
-        (0.09, "`length` must be at most 0.09, the height of the hinge, because the bob would hang below"),
-    ],
-)
-def test_a_hinge_height_out_of_range_is_rejected(height, match):
-    scene = paper_scene()
-    with pytest.raises(ValueError, match=match):
-        scene.parameters(Pendulum(mass=1.0, length=0.1, damping_ratio=0.1, hinge_height=height))
