@@ -57,17 +57,6 @@ def test_sliding_during_rocking_is_reported_first():
     assert f"{needs} (linear model)." in answer_of("--records el-centro --scales 0.45")
 
 
-def test_the_stated_block_precedes_the_runs_with_scatter():
-    found = answer_of("--records el-centro --scales 0.45")
-    stated, varied = found.partition(f"Runs from rest with scatter ({SCATTER}): ")[::2]
-    # 0.123 rad by `tpd shake`, over atan(0.55/1.8).
-    assert stated == (
-        "Stated block from rest: ROCKS, AND DOES NOT OVERTURN in the only run: its tilt is 41 % of the "
-        "toppling angle. "
-    )
-    assert varied.startswith("ROCKS, AND DOES NOT OVERTURN in the only run")
-
-
 def test_each_level_has_its_share_of_overturning_with_an_interval():
     found = answer_of("--records el-centro loma-prieta --scales 0.25 1.9")
     outcomes = {

@@ -86,20 +86,11 @@ ASKED = tpd.Scene(
 )
 BAND = tpd.Conditions.band(ASKED, 1.5, 2.5, 3) * tpd.Conditions.amplitudes(1.0, 1.5)
 CASES = {
-    "defaults": {},
-    "band": {"conditions": BAND, "risk": tpd.Risk.cvar(0.25), "seed": 4},
     "scatter": {"conditions": BAND * tpd.Conditions.scatter(8, 4, friction=0.1, mass=0.05), "seed": 4},
-    "from rest": {
-        "method": tpd.Descent(searches=3, steps=5, model="piecewise"),
-        "starts": tpd.Starts.rest(),
-    },
-    "exact orbits": {"method": tpd.Descent("adam", model="piecewise", polish=7, corrections=2)},
-    "the tilt": {"objective": limits.SteadyTilt()},
+    "from rest": {"method": tpd.Descent(searches=3, steps=5, model="piecewise"), "starts": tpd.Starts.rest()},
     "limits": {
         "limits": (limits.Stroke(0.3), limits.Clearance(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))
     },
-    "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
-    "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
     "space in SI units": {"space": tpd.DesignSpace(mass=(0.5, 2.0), length=(0.05, 0.3))},
     "requirements": {
         "requirements": limits.Requirements(at_least=0.2, reduce="tilt", wall_contacts=0.05),

@@ -8,11 +8,8 @@ import pytest
 import tpd
 from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
-from tpd.design.reasons import DesignStatus
-from tpd.limits import Reserve
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
-from tpd.scene.conditions import Conditions
 from tpd.scene.status import Status, code_of
 
 
@@ -30,30 +27,6 @@ def test_conditions_are_drawn_in_order_and_in_si_units(band):
     assert below.get_xlabel() == "frequency of the excitation (Hz)"
     low, high = ax.get_ylim()
     assert -0.05 * high <= low <= 0.0
-
-
-def test_overturned_conditions_and_rejected_designs_are_marked(band):
-    exact = dataclasses.replace(band.best.exact, status=np.array(["overturned", *["rocking"] * 3]))
-    rejected = dataclasses.replace(band.best, exact=exact)
-    problem = dataclasses.replace(band.problem, limits=(Reserve(),))
-    changed = {"problem": problem, "status": DesignStatus.not_recommended}
-    ax, below = plot_conditions(dataclasses.replace(band, validated=(rejected,), **changed))
-    assert "with pendulum" not in lines(ax)
-    assert lines(ax)["best design, not recommended: overturns from rest"].get_xdata() == pytest.approx([3.0])
-    # Without a limit on the stroke there is no line for it.
-    assert "stroke limit" not in lines(below)
-    _, empty = plot_conditions(dataclasses.replace(band, validated=(), **changed))
-    assert empty.get_legend() is None
-
-
-def test_conditions_on_the_pendulum_are_drawn_in_si_units(band, single):
-    factors = {"length": np.linspace(0.9, 1.1, 4)}
-    problem = dataclasses.replace(band.problem, conditions=Conditions(factors))
-    _, below = plot_conditions(dataclasses.replace(band, problem=problem))
-    assert below.get_xlabel() == "length of the pendulum (m)"
-    assert lines(below)["bob"].get_xdata() == pytest.approx(band.pendulum.length * factors["length"])
-    with pytest.raises(ValueError, match="must have conditions that differ in one quantity"):
-        plot_conditions(single)
 
 
 def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, under_pulses):
