@@ -87,7 +87,7 @@ def test_degrees_of_freedom_equal_explicit_matrices():
     rng = np.random.default_rng(3)
     for n in (2, 5, 40):
         assert degrees_of_freedom(np.full(n, 1.0 / n)) == pytest.approx(n - 1, rel=1e-12)
-    for sizes in ([2, 3, 1, 9, 4], [30, 50, 20, 10], [300, 500, 700]):
+    for sizes in ([2, 3, 1, 9, 4], [30, 50, 20, 10]):
         clusters = np.repeat(np.arange(len(sizes)), sizes)
         values = np.clip(rng.normal(0.2, 0.3, len(clusters)), -1.0, 1.0)
         variance, freedom = explicit(values, clusters)

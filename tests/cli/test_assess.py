@@ -29,13 +29,6 @@ def test_assess_prints_uplift_and_sliding_before_the_outcome(motion, first, tmp_
     assert max(map(len, answer.splitlines())) <= 100
 
 
-def test_assess_accepts_records_without_a_cavity():
-    words = "--width 0.9 --height 5.4 --mass 8000 --records el-centro --scales 1.5"
-    done = call("assess", *words.split())
-    assert done.status == 0
-    assert "the excitation reaches 0.25 g, 1.5 times as much: the block lifts" in done.out
-
-
 SCATTER = "slenderness ±2 %; e normal with mean Housner's e -0.01 and standard deviation 0.03"
 SMALL = "--width 0.55 --height 1.8 --mass 700 --intensity pga"
 

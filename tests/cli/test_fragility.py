@@ -1,14 +1,12 @@
 """`tpd fragility`: tables, fitted curves, runs without a solution, and files that state no unit."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tpd
 from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
-from tpd.design.job import job_of
 from tpd.records import el_centro
 from tpd.scene.hazard import HOW_TO
 
@@ -47,17 +45,6 @@ def test_options_supply_the_unit_and_time_step_of_a_plain_record(run, tmp_path):
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
     assert "a.VT2 (velocity)" in done.out
-
-
-def test_validation_folders_with_equal_names_are_separate_groups(tmp_path):
-    words = [str(tmp_path / name / "q") for name in ("one", "other")]
-    for word in words:
-        Path(word).mkdir(parents=True)
-        Path(word, "a.txt").write_text(TIMELESS)
-    job = job_of(
-        {"excitation": {"records": ["el-centro"], "validation_share": words, "unit": "g", "dt": 0.01}}
-    )
-    assert set(job.validation_share) == set(words)
 
 
 def test_fragility_prints_accelerations_in_g_with_the_unit(run):

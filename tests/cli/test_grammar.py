@@ -150,20 +150,3 @@ def test_the_shell_completes_commands_and_options(line, word, tmp_path):
     done = subprocess.run([sys.executable, "-m", "tpd"], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert word in (tmp_path / "words").read_text().split()
-
-
-UNITS = re.compile(
-    r"\b(m|kg|Hz|rad|g|s|number|ratios?|factors?|share|dimensionless|periods|relative|in its unit|channel|"
-    r"columns|seed|steps)\b"
-)
-"""Units of the numbers of options, and words for numbers without a unit."""
-
-
-@pytest.mark.parametrize("command", grammar.COMMANDS)
-def test_the_help_states_the_unit_of_every_number(command):
-    commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
-    words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT", "FILE=NAME"]
-    for action in commands[command]._actions:
-        # An option without a placeholder accepts one of a few words.
-        if action.nargs != 0 and action.metavar is not None and action.metavar not in words:
-            assert UNITS.search(action.help), action.option_strings

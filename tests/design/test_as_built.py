@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 import tpd
-from tests import designs
 from tests.designs import SCENE
 from tpd.answers.motion_history import motion_history
 from tpd.design.as_built import (
-    Details,
     Loads,
     build_of,
-    details,
     free_swing,
     loads_of,
     parts_of,
@@ -128,17 +125,6 @@ def test_a_design_as_built_has_the_rod_of_the_real_bob(harmonic, rejected, groun
     assert found.reach == pytest.approx(found.bob.reach(found.mass, found.rod, found.angle))
     assert build_of(rejected) is None
     assert build_of(ground).uplift_harmonic is None
-
-
-def test_details_print_a_table_of_less_than_25_lines():
-    found = details(designs.harmonic_design())
-    lines = str(found).splitlines()
-    assert repr(found) == str(found)
-    assert 3 < len(lines) < 25
-    assert max(map(len, lines)) <= 110
-    assert lines[1].startswith("  build ")
-    assert ["histories", "2", "results"] in [line.split() for line in lines]
-    assert str(Details()) == "Details of a design"
 
 
 def test_a_time_history_lasts_until_the_block_overturns():

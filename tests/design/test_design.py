@@ -96,6 +96,8 @@ def test_the_arguments_of_a_design_define_an_equal_problem(harmonic, ground):
     assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
     assert set(harmonic.again()) - set(ground.again()) == {"starts", "objective"}
     assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}
+    assert harmonic.exact_motions == (harmonic.problem.without_pendulum, harmonic.best.exact)
+    assert ground.exact_motions == ()
 
 
 def test_a_rejection_lists_the_inputs_that_could_change_it():

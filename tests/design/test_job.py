@@ -31,14 +31,12 @@ EXACTLY = {"conditions": {"exactly": True}}
 RECORDS = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
 JOBS = {
-    "default": {},
     "losses": {"block": {"restitution": "housner"}},
     "both losses": {"block": {"restitution": 0.9, "friction": 0.02}, "site": {"gravity": 3.7}},
     "not uniform": {
         "block": {"width": 2, "height": 10, "mass": 40e3, "radius_of_gyration": 3.0},
         "excitation": {"amplitude": 0.3, "frequency": 0.5},
     },
-    "named": {"project": {"name": 'Tower "A" in Jena'}},
     "bounds": {"space": {"damping_ratio": [0.05, 0.3], "mass_ratio": [0.01, 0.1]}, "search": {"seed": 7}},
     "robust": {
         "conditions": {"band": [2.0, 3.5], "amplitudes": [0.8, 1.0, 1.2], "samples": 16},
@@ -47,8 +45,6 @@ JOBS = {
     },
     "starts": {**BAND, "starts": {"kind": "rest"}},
     "descent": {**BAND, "search": {"optimiser": "adam", "polish": 5, "objective": "steady tilt"}},
-    "few searches": {"search": {"searches": 2, "screening": 3, "steps": 4, "corrections": 0}},
-    "models": {"search": {"model": "piecewise"}},
     "exactly": EXACTLY,
     "bob": {
         "block": {"width": 0.2, "height": 0.8, "mass": 60.0, "cavity_width": 0.15},
@@ -134,20 +130,6 @@ def test_a_job_accepts_defaults_without_effect_and_integers_for_floats():
     assert whole.scene.block == Block(width=1.0, height=3.0, mass=900.0)
 
 
-def test_keys_without_effect_are_not_written():
-    tables = jobs.job_of(EXACTLY).tables
-    assert "scatter" not in tables
-    assert not {"risk", "risk_share"} & set(tables["search"])
-    assert set(tables["conditions"]) == {"exactly"}
-    assert "bob" not in tables
-    assert set(jobs.job_of(BAND).tables["bob"]) == {"shape", "density"}
-    assert set(tables["starts"]) == {"kind"}
-    assert tables["excitation"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
-    worst = jobs.job_of({**BAND, "search": {"risk": "worst"}})
-    assert {"risk", "risk_share"} & set(worst.tables["search"]) == {"risk"}
-    assert (tables["search"]["optimiser"], tables["search"]["objective"]) == ("newton", "settling")
-
-
 def test_keys_that_an_option_replaces_are_dropped():
     risk = {"search": {"risk": "cvar", "risk_share": 0.2}, **BAND}
     for given, over, table, key in (
@@ -189,15 +171,6 @@ def test_a_job_states_accelerations_in_g():
         assert (motion["intensity"], motion["scales"]) == ("pga", [0.3])
     one = jobs.job_of({"excitation": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
     assert one.shaking.pga == pytest.approx(0.3 * g)
-
-
-def test_a_hazard_of_a_job_has_accelerations_in_g_and_belongs_to_its_conditions():
-    given = {"levels": [0.1, 0.3], "rates": [0.01, 4e-4]}
-    job = jobs.job_of({"excitation": RECORDS, "hazard": given})
-    assert job.hazard == tpd.Hazard(**given) == job.conditions.hazard
-    velocity = jobs.job_of({"excitation": RECORDS, "hazard": given | {"intensity": "pgv"}})
-    assert velocity.hazard.measure.unit == "m/s"
-    assert jobs.job_of({"excitation": RECORDS}).hazard is None
 
 
 def test_the_keys_of_a_job_determine_the_kind_of_excitation():
@@ -381,10 +354,3 @@ def test_a_table_without_names_is_rejected_with_its_columns_and_options(tmp_path
             ValueError, match=r"`excitation.columns` \(--columns\) must be rows, or names with"
         ):
             _ = jobs.job_of({"excitation": motion | {"columns": wrong}}).motions
-
-
-def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
-    job = jobs.job_of({"conditions": {"amplitudes": [1.0]}})
-    assert len(job.conditions) == 1
-    assert job.conditions.description == ("amplitude factors 1",)
-    assert jobs.job_of({}).conditions is None

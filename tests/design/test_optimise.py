@@ -125,24 +125,6 @@ def test_many_runs_without_a_result_leave_a_design_undecided():
     assert np.all(found.trials.undecided > 10)
 
 
-def test_a_design_that_passes_has_the_status_of_its_evidence():
-    class Few(NoisyProblem):
-        passing_status = DesignStatus.too_few
-
-    found = solve_problem(Few(**NoisyProblem.of().inputs))
-    assert found.status is DesignStatus.too_few
-    assert (found.pendulum, found.benefit, found.refusals) == (None, None, ())
-    assert found.validated[-1].reasons == ()
-
-
-def test_ctrl_c_raises_keyboard_interrupt():
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        solve_problem(NoisyProblem.of(), stop)
-
-
 def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
     assert harmonic.status is DesignStatus.not_to_be_built
     best, (low, high) = harmonic.validated[-1], SPACE.bounds

@@ -16,9 +16,6 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import job_of
 from tpd.design.problem import within_mass
 from tpd.design.space import check_moves, check_scatter
-from tpd.limits import check_cavity
-
-SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
 
 
 def test_the_pendulum_of_a_design_has_its_ratios():
@@ -54,15 +51,6 @@ def test_a_limit_on_the_mass_narrows_the_space():
         within_mass(space, SCENE.block, (tpd.limits.Mass(0.1),))
     with pytest.raises(ValueError, match=r"the limit `mass` must be above the smallest .* but is 0\.8 kg"):
         within_mass(fixed, SCENE.block, (tpd.limits.Mass(0.8),))
-
-
-def test_a_limit_on_clearance_needs_a_cavity_width():
-    with pytest.raises(
-        ValueError, match=r"`cavity_width`.*must be given, but is missing.*`Block`.*`Clearance`"
-    ):
-        check_cavity(SOLID, (tpd.limits.Clearance(),))
-    check_cavity(SOLID, tpd.limits.POINT_BOB)
-    check_cavity(SCENE.block, (tpd.limits.Clearance(),))
 
 
 def test_excitations_and_scatter_out_of_range_are_rejected():

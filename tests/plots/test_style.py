@@ -32,14 +32,6 @@ def test_picture_files_are_reproducible_and_keep_text_as_text():
     assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
 
 
-def test_two_axes_share_the_horizontal_scale_and_an_empty_legend_is_omitted():
-    above, below = new_axes(2)
-    below.set_xlim(0.0, 7.0)
-    assert above.get_xlim() == (0.0, 7.0)
-    legend(above)
-    assert above.get_legend() is None
-
-
 HOSTILE = {
     "text.usetex": True,
     "font.family": ["No Such Font"],
