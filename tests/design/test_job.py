@@ -313,23 +313,6 @@ def test_a_job_file_can_have_a_byte_order_mark_and_paths_with_a_tilde(tmp_path, 
         jobs.Job.read(tmp_path / "job.toml")
 
 
-@pytest.mark.parametrize(
-    ("given", "table"),
-    [
-        ({"space": {"mass_ratio": [0.2, 0.1]}}, "space"),
-        ({"space": {"mass_ratio": [0.2, 0.1]}, "scatter": {"mass": 0.1}}, "space"),
-        ({"space": {"damping_ratio": 3.0}, "scatter": {"mass": 0.1}}, "space"),
-        ({"scatter": {"mass": 0.9}}, "scatter"),
-        ({"ensemble": {"size": 0}, "scatter": {"mass": 0.1}}, "ensemble"),
-        ({"search": {"seed": -1}}, "search"),
-    ],
-)
-def test_an_error_message_states_the_table_of_the_value(given, table):
-    with pytest.raises(ValueError, match=rf"^\[{table}\] `") as error:
-        jobs.job_of(given)
-    assert str(error.value).count("[") == 1 or "[0." in str(error.value)
-
-
 def test_a_table_without_names_is_rejected_with_its_columns_and_options(tmp_path):
     path, job = tmp_path / "a.csv", tmp_path / "job.toml"
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))

@@ -10,7 +10,6 @@ from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
-from tpd.scene.status import Status, code_of
 
 
 def test_conditions_are_drawn_in_order_and_in_si_units(band):
@@ -48,11 +47,6 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
         rest = ["at rest at the end"] if runs.cluster is None else []
         assert rows[2:] == ["overturned", *rest, *(f"tilt, {part.label}" for part in parts)]
         assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
-    ended = dataclasses.replace(runs.with_pendulum, outcome=np.full(len(runs.group), code_of(Status.rest)))
-    decided = dataclasses.replace(runs, with_pendulum=ended)
-    resting = dataclasses.replace(under_pulses.best, decided=decided, quoted=None)
-    ax = plot_benefit(dataclasses.replace(under_pulses, validated=(resting,)))
-    assert "at rest at the end" in [t.get_text() for t in ax.get_yticklabels()]
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
         plot_benefit(dataclasses.replace(band, validated=()))
 

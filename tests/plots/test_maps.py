@@ -62,11 +62,6 @@ def test_a_fold_curve_has_ticks_on_the_side_without_orbits():
     own = tpd.plot(turned)
     assert tick_angle(own) == 90.0
     assert own.get_xlabel().startswith("mass ratio")
-    own.figure.canvas.draw()
-    empty = dataclasses.replace(
-        curve, **{n: getattr(curve, n)[:0] for n in ("points", "tangents", "gradients")}
-    )
-    tpd.plot(empty).figure.canvas.draw()
 
 
 def test_spectra_can_be_plotted_and_tabulated():
