@@ -11,8 +11,7 @@ from tests.designs import BLOCK, noise, records
 from tpd.answers.fragility import fit_lognormal
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
-from tpd.design.reasons import DesignStatus, ReasonKind, reduced
-from tpd.design.validate import validate
+from tpd.design.reasons import DesignStatus
 from tpd.scene.ground_motion import earthquakes_of, events_of
 
 DESIGN = np.array([0.12, 0.4, 0.5])
@@ -253,16 +252,6 @@ def test_a_required_rate_needs_a_hazard_and_three_levels():
         tpd.optimise(tpd.paper_scene(), limits=tpd.limits.POINT_BOB, requirements=RATE)
 
 
-def test_a_required_rate_determines_the_verdict():
-    p = with_hazard(requirements=RATE, limits=(tpd.limits.Stroke(1.5),))
-    result = validate(p, DESIGN)
-    assert result.measure == "rate"
-    of = result.decided.annual_rates.ratio
-    falls = of.high < 1.0 and 1.0 - of.mean >= 0.1 and 1.0 - of.high >= 0.05
-    assert (ReasonKind.too_little_benefit not in {reason.kind for reason in result.reasons}) == falls
-    assert "rate of overturning" in reduced(result.decided, "rate")
-
-
 def test_the_design_does_not_depend_on_the_order_of_the_records():
     """Designs and numbers agree in every bit."""
     motions = RECORDS[:12]
@@ -287,3 +276,12 @@ def test_the_design_does_not_depend_on_the_order_of_the_records():
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
+
+
+def test_the_job_of_a_problem_contains_its_hazard():
+    motions = [tpd.records.el_centro(), tpd.records.loma_prieta()]
+    hazard = tpd.Hazard(levels=[0.1, 0.5], rates=[0.02, 1e-3])
+    conditions = tpd.Conditions.records(motions, (1.5, 2.0), hazard=hazard)
+    block = dataclasses.replace(BLOCK, restitution="housner")
+    job = GroundMotionProblem.of(block, conditions, validation_share=0.0).job
+    assert job.hazard == hazard

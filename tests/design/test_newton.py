@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
+from tests.design.minimax import FREE, LIMITED, STARTS, WORST
 from tpd.design.newton import NARROW, PENALTY, Linearisation, _updated, newton, smoothed, width_at
 from tpd.design.search import descend
 
@@ -101,17 +101,6 @@ def test_descents_minimise_the_conditional_value_at_risk():
     risk = tpd.Risk.cvar(2.0 / 3.0)
     ends = descended(LIMITED, cap=risk.cap(3), risk=risk.of)
     np.testing.assert_allclose(ends.merit, 2.20740775, atol=5e-5)
-
-
-def test_descents_reach_free_and_constrained_minima():
-    bowl = [lambda x, y: ((x - 2) ** 2 + 10 * (y - 1) ** 2, (2 * x - 4, 20 * y - 20))]
-    line = [lambda x, y: (x + y - 2.0, (np.ones_like(x), np.ones_like(y)))]
-    start = np.array([[0.5, 0.5]])
-    free = descended(in_unit_square(linearisations(bowl)), start).x
-    np.testing.assert_allclose(6.0 * free - 3.0, [[2.0, 1.0]], atol=1e-6)
-    limited = descended(in_unit_square(linearisations(bowl, line)), start).x
-    # Lagrange: x = 2 - 10/11, y = 1 - 1/11.
-    np.testing.assert_allclose(6.0 * limited - 3.0, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-4)
 
 
 def test_descents_stop_at_the_bounds_and_move_along_them():

@@ -10,6 +10,7 @@ import pytest
 import tpd
 from tests import designs
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes
+from tpd.core.formatting import number
 from tpd.design import optimise as module
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
@@ -86,11 +87,7 @@ def test_the_next_design_is_not_near_a_rejected_design(count, validated, status)
 
 
 def test_no_design_below_the_required_benefit_is_validated_after_a_rejection():
-    """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
-    stopped = solve_problem(
-        harmful(9, requirements=tpd.limits.Requirements(at_least=1.0), limits=(tpd.limits.Tilt(0.9),))
-    )
-    assert len(stopped.validated) == 3
+    """The trend must promise 30 % of the required benefit, which is one tenth here."""
 
     class Little(Harmful):
         def tilt(self, design):
@@ -98,15 +95,6 @@ def test_no_design_below_the_required_benefit_is_validated_after_a_rejection():
 
     found = solve_problem(Little(**harmful(9).inputs))
     assert (found.status, len(found.validated)) == (DesignStatus.not_recommended, 1)
-
-
-def test_no_design_is_validated_if_none_keeps_the_limits():
-    problem = NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),))
-    found = solve_problem(problem)
-    assert (found.status, found.validated, found.pendulum) == (DesignStatus.none_feasible, (), None)
-    assert not [kind for kind, _ in problem.asked if kind == "paired"]
-    assert len(found.refusals) == 1
-    assert found.refusals[0].startswith("the design exceeds the limit on stroke: ")
 
 
 def test_no_design_is_evaluated_if_the_block_rests():
@@ -270,6 +258,7 @@ def test_no_point_of_a_front_is_dominated_by_another(harmonic, rejected, monkeyp
     found = front_of(harmonic, rejected, monkeypatch, None, (0.2 * own, 0.3 * gain), (0.3 * own, 0.2 * gain))
     assert [p.pendulum and p.pendulum.mass / own for p in found] == [None, pytest.approx(0.2), 1.0]
     assert [line.count("–") for line in repr(found).splitlines()] == [0, 5, 0, 0]
+    assert number(30.0 * gain, 3) in repr(found).splitlines()[2]
     fixed = dataclasses.replace(harmonic.problem, space=tpd.DesignSpace(mass_ratio=0.1))
     with pytest.raises(ValueError, match="`design` has a bob of fixed mass"):
         tpd.front(dataclasses.replace(harmonic, problem=fixed))
@@ -290,10 +279,6 @@ def test_every_design_has_the_fixed_length(harmonic):
     assert np.all(found.search.ends[:, 1] == 0.6)
     assert len(np.unique(found.trials.designs[:, 0])) > 20
     assert not any("length" in bound for bound in found.at_bounds)
-    ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, reduce="tilt")}
-    other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
-    best = other.best.pendulum
-    assert (best.length, best.damping_ratio) == (pytest.approx(1.0), 0.3)
 
 
 def test_bounds_in_kg_and_as_ratios_give_equal_spaces(harmonic):
