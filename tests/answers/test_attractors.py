@@ -46,14 +46,6 @@ def test_an_attractor_is_the_steady_state_of_its_initial_states(without):
     assert (rocking.symmetric, rocking.periods) == (True, 1)
 
 
-def test_mirror_images_count_as_one_attractor():
-    # Period three, which lives beside others.
-    found = attractors(parameters((0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)))
-    assert any(a.periods == 3 for a in found)
-    seen = [(a.periods, round(float(a.steady.amplitude), 4)) for a in found if a.status == "rocking"]
-    assert len(seen) == len(set(seen))
-
-
 def test_chaos_is_distinguished_from_slow_decay():
     # With so small a tolerance the decay is followed, and not cut short by Newton's method.
     chaotic, slow = (

@@ -63,19 +63,6 @@ def test_an_initial_swing_reduces_the_uplift_margin():
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
-def test_a_result_of_auto_prints_its_model_and_the_reason():
-    found = chosen(WITH[3].x, 0.5)
-    lines = str(found).splitlines()
-    assert lines[0] == "rocking: The block settles into periodic rocking."
-    assert lines[1] == f"  amplitude    {float(found.amplitude):.6g} rad"
-    assert lines[4] == "  repeats      after 1 period"
-    assert lines[5].startswith(f"  model        exact, estimated error {float(found.estimate):.2g}: ")
-    # An exact solution that was asked for itself names no model; a batch of answers has no single status.
-    assert len(str(linear(WITH[3].x).steady).splitlines()) == 5
-    batch = jax.tree.map(lambda x: jnp.stack([x, x]), linear(WITH[3].x).steady)
-    assert str(batch) == repr(batch)
-
-
 @pytest.mark.parametrize("x", [SMALL, LIFTS, WITH[3].x], ids=["small", "lifts", "hung"])
 def test_a_tight_tolerance_selects_the_nonlinear_model(x):
     found, top = chosen(x, 0.5), chosen(x, 1e-5)
@@ -121,10 +108,6 @@ def test_a_bob_without_mass_adds_no_error():
     slope = SimpleNamespace(nu=1.0, f=1.0, lam=1.0, mu=1.0, e=1.0)
     still, swings = (float(estimated_error(p, 0.1, psi, slope)) for psi in (0.0, 0.5))
     assert 0.0 < still == swings < np.inf
-
-
-def test_the_default_tolerance_is_five_per_cent():
-    assert Auto().tolerance == 0.05
 
 
 def test_auto_rejects_traced_parameters():

@@ -7,7 +7,6 @@ import functools
 import itertools
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -106,15 +105,6 @@ def test_derivatives_of_a_bifurcation_equal_finite_differences(case):
         assert b.slopes[n] == pytest.approx(expected, rel=error, abs=1e-6 * scale), n
 
 
-def test_a_stated_inertia_has_a_separate_derivative():
-    x, b = np.array(HELD), lost(Kind.sticking)
-    rho = 0.75 / (1.0 + x[0] ** 2)
-    (free,) = bifurcations(parameters([*x, rho]), "f", 0.3, 0.4, samples=20)
-    tied = free.slopes["nu"] - free.slopes["rho"] * 2.0 * x[0] * rho / (1.0 + x[0] ** 2)
-    assert b.slopes["nu"] == pytest.approx(tied, rel=1e-12)
-    assert abs(free.slopes["rho"]) > 1e-3
-
-
 def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, float]]:
     """Scenes from all over the box, and a parameter to vary: mostly forcing or frequency."""
     rng = np.random.default_rng(seed)
@@ -123,7 +113,7 @@ def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, f
     return [(x, NAMES[i], LOW[i], HIGH[i]) for x, i in zip(scenes, which, strict=True)]
 
 
-@pytest.mark.parametrize(("x", "name", "low", "high"), random_ranges(3, 3))
+@pytest.mark.parametrize(("x", "name", "low", "high"), random_ranges(2, 3))
 def test_the_number_of_orbits_is_constant_between_bifurcations(x, name, low, high):
     """A fine sweep shows one number of orbits, and of those with det(I + G) < 0, from point to point."""
     found = bifurcations(parameters(x), name, low, high)
@@ -176,21 +166,13 @@ def test_a_sweep_joins_orbits_of_a_continuous_branch():
     ("name", "high", "samples", "match"),
     [
         ("omega", 2.0, 20, "`name` must be one of nu, mu.* but is 'omega'"),
-        ("nu", 0.6, 20, "`nu` must be between 0 and 0.5"),
         ("f", 0.1, 20, r"`\(low, high\)` must be an interval"),
-        ("e", 1.1, 20, "`e` must be between 0 and 1"),
         ("f", 0.2, 7, "`samples` must be between 8 and"),
     ],
 )
 def test_invalid_ranges_are_rejected(name, high, samples, match):
     with pytest.raises(ValueError, match=match):
         bifurcations(parameters(WITHOUT), name, 0.15, high, samples=samples)
-
-
-def test_batched_parameters_are_rejected():
-    p = Parameters(**{n: jnp.full(3, v) for n, v in zip(NAMES, WITHOUT, strict=False)})
-    with pytest.raises(ValueError, match="`nu` must be a single number"):
-        bifurcations(p, "f", 0.1, 0.2)
 
 
 def test_without_friction_an_orbit_ends_at_a_grazing_impact():

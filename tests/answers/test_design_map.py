@@ -46,30 +46,6 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     return "not_known", math.nan, math.nan
 
 
-def test_the_columns_of_a_map_have_a_row_for_each_cell():
-    found = over_motion()
-    columns = found.columns()
-    assert list(columns)[:4] == ["frequency", "amplitude", "status", "amplitude_rad"]
-    assert columns["frequency"][:6].tolist() == found.x.tolist()
-    assert columns["amplitude"].tolist() == np.repeat(found.y, 6).tolist()
-    np.testing.assert_array_equal(columns["amplitude_rad"], found.amplitude.ravel())
-
-
-def test_axes_accept_the_option_names_of_the_commands():
-    x, y = [0.02, 0.1], [0.05, 0.1]
-    for names, their in (
-        (("mu", "pendulum_length"), ("mass-ratio", "pendulum-length")),
-        (("lam", "zeta"), ("length_ratio", "damping-ratio")),
-    ):
-        found, same = (design_map(SCENE, (a, x), (b, y), pendulum=PENDULUM) for a, b in (names, their))
-        assert (same.x_name, same.y_name) == names
-        np.testing.assert_array_equal(same.amplitude, found.amplitude)
-    response = tpd.settled_response(SCENE, "pendulum-length", [0.1], pendulum=PENDULUM)
-    assert response.name == "pendulum_length"
-    with pytest.raises(ValueError, match="did you mean `pendulum_length`"):
-        design_map(SCENE, ("pendulum-lenght", y), ("mu", x), pendulum=PENDULUM)
-
-
 def test_each_cell_equals_the_symmetric_orbit_of_its_design():
     x, y = ("mu", np.linspace(0.02, 0.2, 5)), ("lam", np.linspace(0.12, 1.0, 4))
     m, p = design_map(SCENE, x, y, pendulum=PENDULUM), SCENE.parameters(PENDULUM)
@@ -96,29 +72,6 @@ def test_a_map_in_si_units_equals_the_orbits_of_its_scenes():
         np.testing.assert_allclose([m.amplitude[i, j], m.swing[i, j]], [amplitude, swing], rtol=1e-9)
 
 
-def test_a_map_prints_its_axes_statuses_and_ranges():
-    m = over_motion()
-    lines = str(m).splitlines()
-    assert lines[:5] == [
-        "Design map",
-        "  frequency       6 values, 1 to 5 Hz",
-        "  amplitude       3 values, 0.002 to 0.045 m",
-        "  status          " + ", ".join(f"{n} {name}" for name, n in m.counts.items()),
-        f"  amplitude       0 to {np.nanmax(m.amplitude):.4g} rad",
-    ]
-    assert len(lines) == 7
-    assert m._repr_html_().startswith("<pre>Design map\n")
-
-
-def test_a_ratio_and_an_independent_quantity_can_be_axes_of_one_map():
-    mass = np.array([0.05, 0.1])
-    m, same = (
-        design_map(SCENE, axis, ("frequency", [2.5, 3.0]), pendulum=PENDULUM)
-        for axis in (("mu", mass), ("pendulum_mass", mass * SCENE.block.mass))
-    )
-    np.testing.assert_allclose(m.amplitude, same.amplitude, rtol=1e-12)
-
-
 def test_a_map_with_an_initial_state_equals_the_steady_states():
     axes = ("frequency", np.array([2.0, 2.2, 2.4, 3.3, 4.0])), ("pendulum_length", [0.03, 0.05, 0.2])
     m = design_map(SCENE, *axes, pendulum=PENDULUM, start=np.zeros(4))
@@ -140,23 +93,12 @@ def test_a_map_with_an_initial_state_equals_the_steady_states():
     assert not m.exact.all()
 
 
-def test_progress_is_reported_up_to_the_last_cell():
-    seen: list[tuple[int, int]] = []
-    design_map(WITHOUT, ("xi", [1.5, 2.0]), LINE, progress=lambda *n: seen.append(n))
-    assert seen == [(4, 4)]
-
-
 @pytest.mark.parametrize(
     ("subject", "x", "y", "match"),
     [
         (WITHOUT, ("omega", [1.0, 2.0]), LINE, "`x` must be one of nu, mu.* but is 'omega'"),
         (WITHOUT, LINE, LINE, "`x` and `y` must differ, but both are 'f'"),
-        (
-            WITHOUT,
-            ("xi", [2.0, 1.0]),
-            LINE,
-            "`values of x` must be a vector of 2 or more increasing",
-        ),
+        (WITHOUT, ("xi", [2.0, 1.0]), LINE, "`values of x` must be a vector of 2 or more increasing"),
         (SCENE, ("frequency", [1.0, 2.0]), LINE, "must not both move f, but 'frequency' does so as well"),
         # A corner out of range, though both axes are within theirs.
         (SCENE, ("width", [0.3, 0.41]), ("height", [0.8, 1.0]), r"`nu` must be between .* but is 0\.5125"),

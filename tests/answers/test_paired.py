@@ -12,7 +12,7 @@ from tests.benchmarks import quoted, stored
 from tests.designs import outcomes, paired
 from tpd.answers.ensemble import outcomes as followed
 from tpd.answers.paired import Decision
-from tpd.answers.statistics import Interval, conditional_interval, fall
+from tpd.answers.statistics import Interval, conditional_interval
 
 PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
 
@@ -92,14 +92,6 @@ def test_paired_runs_of_parameters_have_both_cases():
         tpd.paired_runs(tpd.paper_scene().parameters())
     with pytest.raises(ValueError, match="`pendulum` must be a Pendulum"):
         tpd.paired_runs(tpd.paper_scene())
-
-
-def test_each_condition_is_a_group_of_paired_runs():
-    band = tpd.Conditions.band(tpd.paper_scene(), 2.0, 3.0, 2)
-    few = tpd.Ensemble(size=8, periods=10)
-    found = tpd.paired_runs(tpd.paper_scene(), PENDULUM, ensemble=few, conditions=band)
-    assert sorted(found.group) == [0] * 4 + [1] * 4
-    assert found.labels == (band.label(0), band.label(1))
 
 
 @pytest.mark.parametrize(
@@ -221,31 +213,6 @@ def test_every_change_of_hand_made_runs_has_its_known_value():
     assert worst.with_pendulum == pytest.approx(np.mean([36, 37, 38, 39]) / 50)
 
 
-def test_a_benefit_is_the_relative_reduction_of_the_mean_severity():
-    without = np.random.default_rng(1).uniform(0.05, 0.95, 50)
-    with_it = 0.7 * without + np.random.default_rng(2).uniform(0.0, 0.1, 50)
-    found, known = paired(with_it, without).benefit, fall(with_it, without)
-    assert (found.mean, found.low, found.high) == pytest.approx((known.mean, known.low, known.high))
-    worse = paired([0.5, 0.45, 0.55, 0.5] * 10, [0.4] * 40)
-    assert worse.benefit_in_words.startswith("25 % more tilt")
-    assert "-" not in worse.benefit_in_words
-
-
-@pytest.mark.parametrize(
-    ("with_it", "without", "value"),
-    [(0.0, 0.0, 0.0), (0.3, 0.3, 0.0), (np.inf, np.inf, 0.0), (0.0, np.inf, 1.0), (0.4, 0.0, -20.0)],
-    ids=["all rest", "all rock", "all lost", "none lost", "none to rest"],
-)
-def test_the_benefit_of_identical_runs_has_an_interval_of_positive_width(with_it, without, value):
-    found = paired([with_it] * 40, [without] * 40)
-    assert found.benefit.mean == pytest.approx(value, abs=1e-15)
-    assert found.benefit.low < value
-    assert found.benefit.low < found.benefit.high <= 1.0
-    assert all(np.isfinite([c.with_pendulum, c.without_pendulum]).all() for c in found.changes)
-    for c in (found.changes[0], *found.changes[3:]):
-        assert c.low < c.high
-
-
 def test_a_group_is_worse_only_if_its_pairs_prove_it():
     group = np.repeat([0, 1, 2, 3], 16)
     noise = np.random.default_rng(3).uniform(-0.02, 0.02, 64)
@@ -306,10 +273,9 @@ def test_rests_less_is_true_if_significantly_fewer_runs_rest(fewer, more, both, 
     assert paired(with_it, without).rests_less is less
 
 
-@pytest.mark.parametrize(("measure", "truth", "earthquakes"), [("tilt", 0.08, 22), ("overturning", 0.16, 11)])
-def test_conditional_intervals_of_deciding_runs_contain_the_truth(measure, truth, earthquakes):
+def test_conditional_intervals_of_deciding_runs_contain_the_truth():
     """A part of the benchmark `quoted`, whose stored results are tested as a whole below."""
-    found = quoted.covered(quoted.Effect(measure, truth), earthquakes, np.random.default_rng(1), 40)
+    found = quoted.covered(quoted.Effect("overturning", 0.16), 11, np.random.default_rng(1), 40)
     assert found["cases"] == 40
     assert found["covers"] >= 0.9
     assert found["covers other"] >= 0.9

@@ -11,7 +11,7 @@ import pytest
 import tpd
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
 from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
-from tpd.answers.response import Branches, frequencies, window
+from tpd.answers.response import Branches, frequencies
 from tpd.scene.quantities import Setup
 from tpd.theory.no_uplift import uplift
 
@@ -82,17 +82,6 @@ def test_the_settled_response_of_the_paper_has_its_known_amplitude():
     assert r._repr_html_() == f"<pre>{r}</pre>"
 
 
-def test_branches_print_one_line_for_each_bifurcation():
-    breaking, sticking = without_it().bifurcations
-    assert str(without_it()).splitlines() == ["2 branches from 0.9 to 4", f"  {breaking}", f"  {sticking}"]
-    where = f"symmetry breaking  {breaking.value:10.6g}, amplitude {breaking.amplitude:.5g} rad"
-    assert str(breaking) == repr(breaking) == f"{where}: unstable below, rocking above"
-    assert f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: " in str(fold())
-    assert str(with_it()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
-    lost = replace(breaking, kind=Kind.unresolved, reason="no cause was found")
-    assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
-
-
 def test_invalid_input_of_a_response_is_rejected():
     with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
         settled_response(SCENE, "frequency", [1.0, 0.0])
@@ -128,7 +117,3 @@ def test_a_response_plot_distinguishes_stable_and_unstable_branches():
         shown = {y for line in lines for y in line.get_ydata()}
         known = s.amplitude[((s.status == "rocking") == stable) & (s.branch >= 0)]
         assert set(known[np.isfinite(known)]) <= shown
-
-
-def test_the_runs_near_a_frequency_lie_within_five_per_cent():
-    assert window(2.0) == pytest.approx((1.9, 2.1))

@@ -8,12 +8,9 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.answers.run_table import ANGLES, follow_runs, follow_scaled
+from tpd.answers.run_table import ANGLES, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.compiled.columns import MU
-from tpd.compiled.rows import ground_row_of
-from tpd.compiled.simulate import GroundForcing
-from tpd.scene.pytrees import single
 from tpd.scene.status import names_of
 
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -57,15 +54,6 @@ def test_results_do_not_depend_on_workers_or_the_order_of_records(runs):
         np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(a, c[::-1, ::-1])
     assert seen[-1] == (12, 12)
-
-
-def test_follow_runs_simulates_the_stated_rows(runs):
-    p = [tpd.Scene(STATUE, motion, 9.80665).ground_parameters(PENDULUM) for motion in MOTIONS]
-    x = np.array([ground_row_of(single(q)) for q in p])
-    late = np.full(2, 5.0 * float(tpd.Scene(STATUE, MOTIONS[0]).rate))
-    pieces = [np.asarray(m.pieces(), dtype=float) for m in MOTIONS]
-    found = follow_runs(tpd.Terms.linear, x, GroundForcing(pieces, late, np.arange(2)))
-    assert found.tilt[0] == runs.tilt[1, 0, 1]
 
 
 def test_a_run_without_a_result_is_nan_and_not_overturned(monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.compiled.columns import MU, XI, F
+from tpd.compiled.columns import XI, F
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
@@ -78,21 +78,6 @@ def test_the_safe_share_excludes_cells_without_a_result(monkeypatch):
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [2, 2])
 
 
-def test_a_spectrum_without_any_result_has_no_safe_share(monkeypatch):
-    unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
-    assert np.isnan(spectrum().safe()).tolist() == [True]
-
-
-def test_an_overturning_spectrum_plot_marks_cells_without_a_result(monkeypatch):
-    unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, MU] > 0.0))
-    without, with_it = tpd.plot(spectrum(PENDULUM))
-    assert not without.lines
-    (crosses,) = with_it.lines
-    assert (crosses.get_label(), crosses.get_marker()) == ("no result: 2 of 8", "x")
-    assert crosses.get_xydata().tolist() == [[3.0, 12.0], [5.0, 12.0]]
-    assert with_it.get_legend() is not None
-
-
 def test_a_block_without_a_result_has_no_tilt(monkeypatch):
     known = rocking()
     unanswered(monkeypatch, middle)
@@ -104,16 +89,3 @@ def test_a_block_without_a_result_has_no_tilt(monkeypatch):
         assert np.isnan(after).tolist() == [False, True, False]
         assert np.array_equal(before[[0, 2]], after[[0, 2]])
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [1, 1])
-
-
-def test_a_rocking_spectrum_plot_marks_blocks_without_a_result(monkeypatch):
-    assert not any("no result" in line.get_label() for line in tpd.plot(rocking()).lines)
-    unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, MU] > 0.0))
-    drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
-    assert drawn["with pendulum: no result"].get_xdata().tolist() == [4.0]
-    assert "without pendulum: no result" not in drawn
-
-
-def test_without_free_motion_the_spectrum_has_no_larger_tilts():
-    found = tpd.rocking_spectrum(COLUMN, STRONG, periods=PERIODS, free=0.0)
-    assert np.all(found.without_pendulum <= rocking().without_pendulum)

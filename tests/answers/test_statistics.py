@@ -32,7 +32,7 @@ def test_the_interval_of_a_share_is_wilsons():
     assert str(Share.of(np.zeros(0, bool))) == "nan % (0.0 to 100.0 %)"
 
 
-@pytest.mark.parametrize("allowed", [0.0, 0.01, 0.05, 0.07, 0.1, 0.25, 0.42, 0.5, 0.9])
+@pytest.mark.parametrize("allowed", [0.0, 0.07, 0.1, 0.5])
 def test_a_quantile_is_the_smallest_value_that_at_most_the_allowed_share_exceeds(allowed):
     for n in (*range(1, 130), 1000):
         values = np.random.default_rng(n).permutation(n).astype(float)
@@ -87,7 +87,7 @@ def test_degrees_of_freedom_equal_explicit_matrices():
     rng = np.random.default_rng(3)
     for n in (2, 5, 40):
         assert degrees_of_freedom(np.full(n, 1.0 / n)) == pytest.approx(n - 1, rel=1e-12)
-    for sizes in ([2, 3, 1, 9, 4], [30, 50, 20, 10], [300, 500, 700]):
+    for sizes in ([2, 3, 1, 9, 4], [30, 50, 20, 10]):
         clusters = np.repeat(np.arange(len(sizes)), sizes)
         values = np.clip(rng.normal(0.2, 0.3, len(clusters)), -1.0, 1.0)
         variance, freedom = explicit(values, clusters)
@@ -111,7 +111,7 @@ def test_the_coverage_of_rare_differences_is_at_least_94_per_cent():
         assert stats.binom.pmf(counts, n, p) @ held > 0.94
 
 
-@pytest.mark.parametrize("n", [2, 3, 6, 20, 512])
+@pytest.mark.parametrize("n", [2, 6, 512])
 def test_the_interval_without_differences_contains_rare_differences(n):
     for found in (changed(np.zeros(n)), changed(np.zeros(3 * n), np.repeat(np.arange(n), 3))):
         assert found.low == pytest.approx(-found.high)
@@ -233,27 +233,3 @@ def test_the_paired_test_uses_the_least_favourable_unknown_outcomes():
             both_known.flat[unknown] = outcome
             values.append(mcnemar(*both_known)[0])
         assert mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
-
-
-def test_a_change_that_rounds_to_zero_is_printed_as_a_reduction():
-    cases = {
-        (0.25, 0.1, 0.4): (True, "25 %", " (95 % interval 10 to 40 %)"),
-        (-0.004, -math.inf, math.inf): (True, "0 %", ""),
-        (-0.25, -0.4, 0.1): (False, "25 %", " (95 % interval -10 to 40 %)"),
-    }
-    for numbers, words in cases.items():
-        assert Interval(*numbers).fall_in_words() == words
-
-
-def test_the_interval_of_a_share_over_clusters_counts_clusters():
-    hits = np.array([True, True, False, False, True, False])
-    found = Share.of(hits, np.array([0, 0, 1, 1, 2, 2]))
-    expected = binomtest(0, 3).proportion_ci(method="wilson")
-    assert Share.of(np.zeros(6, bool), np.repeat(range(3), 2))[1:] == pytest.approx(
-        tuple(expected), abs=1e-12
-    )
-    assert found.value == 0.5
-    # Equal entries within each cluster: the interval is that of the clusters alone.
-    assert Share.of(np.repeat([True, False], 4), np.repeat(range(4), 2)) == Share.of(
-        np.array([1, 1, 0, 0]) == 1
-    )

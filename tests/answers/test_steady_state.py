@@ -8,19 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import (
-    CONSERVING,
-    LEANING,
-    OVERTURNING,
-    REST,
-    STILL,
-    WITH,
-    exact,
-    orbits_of,
-    parameters,
-)
+from tests.reference import CONSERVING, LEANING, OVERTURNING, REST, STILL, WITH, exact, orbits_of, parameters
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
-from tpd.answers.steady_state import sampled
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
 from tpd.scene.status import names_of
 from tpd.theory import uplift
@@ -76,47 +65,12 @@ def test_a_trajectory_has_one_state_per_time_from_its_initial_state():
     assert np.all(motion.ys[1] != y0)
 
 
-@pytest.mark.parametrize(
-    ("times", "message"),
-    [
-        ([0.0, 1.0, 1.0], "`times` must be a vector of 2 or more increasing numbers, but is"),
-        ([0.0, np.inf], "`times` must be a vector of 2 or more increasing numbers, all finite, but is"),
-        ([0.0], "`times` must be a vector of 2 or more increasing numbers, but is"),
-        ([[0.0, 1.0]], "`times` must be a vector of 2 or more increasing numbers, all finite, but is"),
-    ],
-)
-def test_invalid_times_are_rejected(times, message):
-    with pytest.raises(ValueError, match=message):
+@pytest.mark.parametrize("times", [[0.0, 1.0, 1.0], [0.0, np.inf], [0.0], [[0.0, 1.0]]])
+def test_invalid_times_and_states_are_rejected(times):
+    with pytest.raises(ValueError, match="`times` must be a vector of 2 or more increasing numbers, "):
         simulate(parameters(X), np.zeros(4), np.array(times))
-
-
-def test_sampled_times_divide_the_first_periods():
-    p = Parameters(nu=0.2, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=3.0)
-    np.testing.assert_allclose(sampled(p, 2, 4), np.linspace(0.0, 2.0, 9) * p.period, rtol=1e-15)
-
-
-def test_an_initial_state_of_wrong_shape_is_rejected():
     with pytest.raises(ValueError, match=r"`y0` must be \(phi, psi, phi', psi'\), all finite, but is \[0"):
         simulate(parameters(X), np.zeros(2), np.array([0.0, 1.0]))
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("nu", 0.6, r"`nu` must be between 0 and 0\.5.*but is 0\.6"),
-        ("mu", -0.1, r"`mu` must be zero or positive, and finite, but is -0\.1"),
-        ("lam", 0.0, "`lam` must be positive and finite, but is 0"),
-        ("zeta", -0.2, r"`zeta` must be zero or positive, and finite, but is -0\.2"),
-        ("f", np.inf, "`f` must be zero or positive, and finite, but is inf"),
-        ("rho", 1.5, r"`rho` must be between 1e-06 and 1, but is 1\.5"),
-        ("e", 1.2, r"`e` must be between 0 and 1, but is 1\.2"),
-        ("xi", np.array([1.0, -2.0]), r"`xi` must be positive and finite, but is \[ 1\. -2\.\]"),
-    ],
-)
-def test_parameters_out_of_range_are_rejected(name, value, message):
-    good = {"nu": 0.25, "mu": 0.1, "lam": 0.5, "zeta": 0.1, "k": 0.05, "f": 0.3, "xi": 2.5}
-    with pytest.raises(ValueError, match=message):
-        Parameters(**{**good, name: value})
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.197])
@@ -311,17 +265,3 @@ def test_scalars_arrays_and_integers_give_the_result_of_floats():
     found = [settled(given, y0) for given in (x, map(np.asarray, x), jnp.asarray(x), np.array(x))]
     whole = [settled((*x[:6], xi, *x[7:]), np.zeros(4, int)) for xi in (4, 4.0, np.float64(4.0))]
     assert len({(float(s.amplitude), float(s.swing), *map(float, s.state)) for s in [*found, *whole]}) == 1
-
-
-def test_a_derivative_in_one_parameter_equals_its_difference_quotient():
-    x, y0 = SCENES["rocking"]
-
-    def amplitude(f):
-        return settled((*x[:5], f, *x[6:]), y0).amplitude
-
-    step = 1e-6 * x[5]
-    quotient = (amplitude(x[5] + step) - amplitude(x[5] - step)) / (2.0 * step)
-    assert jax.grad(amplitude)(x[5]) == pytest.approx(quotient, rel=1e-6)
-    # What is known goes into further computations, and is a leaf of a pytree.
-    doubled = jax.tree.map(lambda leaf: 2 * jnp.asarray(leaf), settled(x, y0))
-    assert doubled.amplitude == 2.0 * amplitude(x[5])

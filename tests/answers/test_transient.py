@@ -159,14 +159,6 @@ def test_a_sine_train_equals_the_harmonic_from_rest():
     np.testing.assert_allclose(-found.state, moved * clock(column(train)), rtol=1e-9, atol=1e-11)
 
 
-def test_the_pga_of_a_pulse_has_a_derivative_in_its_phase():
-    def pga(phase):
-        return tpd.Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=1.0, cycles=2.0, phase=phase).pga
-
-    slope = (pga(0.3 + 1e-4) - pga(0.3 - 1e-4)) / 2e-4
-    assert float(jax.grad(pga)(0.3)) == pytest.approx(float(slope), rel=1e-7)
-
-
 def test_a_transient_has_the_status_stood_rocked_or_overturned():
     stood, lifted = (tpd.transient(column(sine(size))) for size in (0.999, 1.001))
     assert (named(stood), float(stood.tilt), float(stood.uplift_time)) == ("stood", 0.0, math.inf)
@@ -281,15 +273,6 @@ def test_derivatives_in_the_shape_of_a_ground_motion_are_nan_and_change_no_other
     assert np.all(np.isfinite(in_width))
 
 
-def test_second_derivatives_of_a_transient_are_nan():
-    def tilt(x):
-        return tpd.transient(column(sine(x[0])), bob(length=x[1])).tilt
-
-    x = jnp.array([2.0, 0.9])
-    for derivative in (jax.jacfwd, jax.jacrev):
-        assert np.all(np.isnan(jax.jit(derivative(jax.grad(tilt)))(x)))
-
-
 def test_an_angle_that_still_grows_has_a_derivative_in_the_free_time():
     block = tpd.Block(width=2.0, height=20.0, mass=80_000.0, restitution=1.0)
     scene = tpd.Scene(block, tpd.Pulse.ricker(acceleration=0.1, frequency=8.0))
@@ -345,7 +328,7 @@ def test_a_nonlinear_transient_has_the_status_stood_rocked_or_overturned():
     assert said == ("overturned", math.inf)
     assert 1.4 < float(fallen.overturning_time) < 5.0
     # The outcome does not depend on the time after which the run would end.
-    for size, with_it in itertools.product(np.linspace(2.0, 10.0, 9), (PENDULUM, None)):
+    for size, with_it in itertools.product(np.linspace(2.0, 10.0, 4), (PENDULUM, None)):
         motion = tpd.Pulse.one_sine(acceleration=size, frequency=0.7)
         until = [end(motion, with_it, free=free)[0] for free in (0.0, 1.0, 20.0)]
         assert {named(x) for x in until} == {"rocked" if size < 2.5 else "overturned"}
@@ -381,22 +364,6 @@ def test_the_time_of_overturning_equals_the_event_loop(nonlinear, with_it):
             assert float(coarse.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-5)
 
 
-@pytest.mark.parametrize("nonlinear", [True, False])
-def test_the_time_of_overturning_under_a_harmonic_equals_the_event_loop(nonlinear):
-    train = tpd.Pulse.sine_train(acceleration=0.5 * GRAVITY, frequency=0.8, cycles=6)
-    scene = column(train)
-    found = tpd.transient(scene, PENDULUM, model=tpd.Nonlinear(rtol=1e-10) if nonlinear else None)
-    p, rate = scene.ground_parameters(PENDULUM), float(scene.rate)
-    x = [float(getattr(p, name)) for name in NAMES]
-    x[NAMES.index("xi")] = 2.0 * math.pi * 0.8 / rate
-    # The base moves to the other side first.
-    loop = EventDriven(x, nonlinear=nonlinear)
-    up = 1.0 + 2.0 * x[1]
-    loop.GONE = 0.5 * math.pi if nonlinear else 10.0 * ((1.0 + x[1]) * x[0] + x[4] + x[5] * up) / up
-    loop.run(np.zeros(4), np.array([0.0, 6.0 / 0.8 * rate]))
-    assert float(found.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-7)
-
-
 def test_a_block_that_begins_beyond_the_toppling_angle_overturns_at_once():
     found = tpd.transient(column(sine(2.0)), model=tpd.Nonlinear(), y0=np.array([1.6, 0.0, 0.0, 0.0]))
     # The bisection ends at a number of rounding.
@@ -423,12 +390,3 @@ def test_an_excitation_of_the_wrong_kind_is_rejected_in_one_sentence():
         column(sine(1.0)).parameters()
     with pytest.raises(ValueError, match="`scan` must"):
         tpd.critical_scale(column(sine(1.0)), scan=0.0)
-
-
-def test_a_motion_prints_the_angles_of_a_bob_only_with_a_pendulum():
-    for pendulum, names in (
-        (None, ["tilt", "impacts"]),
-        (PENDULUM, ["tilt", "swing", "rod_angle", "impacts"]),
-    ):
-        _, *lines = str(tpd.transient(column(sine(1.5)), pendulum)).splitlines()
-        assert [line.split()[0] for line in lines][: len(names)] == names

@@ -29,13 +29,6 @@ def test_assess_prints_uplift_and_sliding_before_the_outcome(motion, first, tmp_
     assert max(map(len, answer.splitlines())) <= 100
 
 
-def test_assess_accepts_records_without_a_cavity():
-    words = "--width 0.9 --height 5.4 --mass 8000 --records el-centro --scales 1.5"
-    done = call("assess", *words.split())
-    assert done.status == 0
-    assert "the excitation reaches 0.25 g, 1.5 times as much: the block lifts" in done.out
-
-
 SCATTER = "slenderness ±2 %; e normal with mean Housner's e -0.01 and standard deviation 0.03"
 SMALL = "--width 0.55 --height 1.8 --mass 700 --intensity pga"
 
@@ -55,17 +48,6 @@ def test_sliding_during_rocking_is_reported_first():
     assert enough.startswith("Stated block")
     assert f"While the block rocks from rest, {needs}, and has 0.35 (linear model)." in enough
     assert f"{needs} (linear model)." in answer_of("--records el-centro --scales 0.45")
-
-
-def test_the_stated_block_precedes_the_runs_with_scatter():
-    found = answer_of("--records el-centro --scales 0.45")
-    stated, varied = found.partition(f"Runs from rest with scatter ({SCATTER}): ")[::2]
-    # 0.123 rad by `tpd shake`, over atan(0.55/1.8).
-    assert stated == (
-        "Stated block from rest: ROCKS, AND DOES NOT OVERTURN in the only run: its tilt is 41 % of the "
-        "toppling angle. "
-    )
-    assert varied.startswith("ROCKS, AND DOES NOT OVERTURN in the only run")
 
 
 def test_each_level_has_its_share_of_overturning_with_an_interval():

@@ -1,7 +1,5 @@
 """`tpd explore`: the page of a report or a job, where it is written, and what is rejected."""
 
-import json
-
 import pytest
 
 import tpd
@@ -75,9 +73,3 @@ def test_explore_rejects_invalid_input_in_one_sentence(words, message, report):
     assert done.status == 2
     assert message in done.err
     assert done.err.count("\n") == 1
-
-
-def test_a_design_of_another_version_is_rejected(report):
-    file = report / "design.json"
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"version": 1}))
-    assert "run the job again" in call("explore", str(report)).err

@@ -68,14 +68,6 @@ def test_exported_histories_contain_both_cases(report, tmp_path):
     assert "without_tilt_rad: the block overturns; the cells after that time are empty" in done.out
 
 
-def test_export_does_not_overwrite_a_file(report, tmp_path):
-    (tmp_path / "model.xml").write_text("keep me")
-    done = call("export", report, "--as", "mjcf")
-    assert done.status == 2
-    assert "model.xml exists already: choose another name with --out" in done.err
-    assert (tmp_path / "model.xml").read_text() == "keep me"
-
-
 def test_a_model_can_be_exported_without_an_excitation(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("export --width 1 --height 6 --mass 9000 --as mjcf")

@@ -14,6 +14,7 @@ from tests.cli.conftest import call
 from tests.formats.synthetic import peer, shaking
 from tests.report.conftest import SCENE, details, harmonic, rejected
 from tpd.cli import optimise
+from tpd.cli.grammar import TEMPLATES
 from tpd.cli.new import template
 from tpd.design import job as jobs
 from tpd.design.design import FrontPoint
@@ -80,9 +81,8 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
     assert stored.status.name == content["status"]
 
 
-@pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
-def test_option_seed_sets_the_seeds_of_search_and_ensemble(run_with, tmp_path, more):
-    (tmp_path / "small.toml").write_text(BAND + more)
+def test_option_seed_sets_the_seeds_of_search_and_ensemble(run_with, tmp_path):
+    (tmp_path / "small.toml").write_text(BAND + "[ensemble]\nsize = 40\n")
     inputs = [run_with(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
     runs = [x["ensemble"] for x in inputs]
     assert [x["seed"] for x in inputs] == [0, 3]
@@ -223,36 +223,6 @@ def test_validation_records_of_a_search_earthquake_are_left_out(tmp_path):
 
 FEW = "\n[ensemble]\nsize = 32\nperiods = 30\n"
 """Table of a job with few and short validation runs."""
-FIRST_LINES = {
-    "tower": ("2 m wide, 9 m high, 41500 kg", "at 0.242 g; the strongest condition reaches 0.375 g", "0.24"),
-    "chimney": (
-        "1.3 m wide, 10 m high, 16280 kg",
-        "at 0.13 g; the strongest condition reaches 0.286 g",
-        "0.13",
-    ),
-    "column": ("1 m wide, 6 m high, 5770 kg", "at 0.187 g; the strongest condition reaches 0.244 g", "0.19"),
-    "statue": (
-        "0.5 m wide, 1.8 m high, 400 kg",
-        "at 0.308 g; the strongest condition reaches 0.395 g",
-        "0.31",
-    ),
-    "paper": ("0.1 m wide, 0.4 m high, 16.22 kg", "at 0.3 g; the strongest condition reaches 0.458 g", "0.3"),
-}
-"""Beginning of the answer for each template: block, uplift and excitation, and the required friction."""
-
-
-@pytest.mark.parametrize("kind", FIRST_LINES)
-def test_assess_begins_with_uplift_sliding_and_outcome_of_every_template(kind, tmp_path):
-    path = tmp_path / "job.toml"
-    path.write_text(template(kind) + FEW)
-    done = call("assess", str(path))
-    assert done.status == 0
-    block, lifts, friction = FIRST_LINES[kind]
-    header, answer = (" ".join(part.split()) for part in done.out.split("\n\n"))
-    assert f"block {block}" in header
-    assert f"uplift {lifts}" in header
-    assert f"the coefficient of friction of the base is at least {friction}" in header
-    assert answer.startswith(("Stated block from rest: OVERTURNS in ", "Stated block from rest: ROCKS, AND"))
 
 
 STATUE = "--width 0.5 --height 1.5333 --mass 900 --cavity 0.3"
@@ -262,11 +232,10 @@ NOT_NEEDED = "NOT NEEDED: under all conditions the block without a pendulum stay
 @pytest.mark.parametrize(
     ("words", "status", "first"),
     [
-        (f"{STATUE} --amplitude 0.0036 --frequency 2", 0, NOT_NEEDED),
         (f"{STATUE} --records el-centro --pga 0.25 --validation-share 0", 0, NOT_NEEDED),
         ("--base-friction 0.1", 3, "NOT APPLICABLE: the block slides on its base before it lifts"),
     ],
-    ids=["weak harmonic", "el centro at 0.25 g", "sliding"],
+    ids=["el centro at 0.25 g", "sliding"],
 )
 def test_a_block_that_does_not_rock_needs_no_search(words, status, first, tmp_path):
     done = call("optimise", words, out=tmp_path / "out")
@@ -276,7 +245,7 @@ def test_a_block_that_does_not_rock_needs_no_search(words, status, first, tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", FIRST_LINES)
+@pytest.mark.parametrize("kind", TEMPLATES)
 def test_only_the_chimney_template_gets_a_pendulum(kind, tmp_path):
     """Only the chimney gets a pendulum, whose numbers the README states."""
     path = tmp_path / "job.toml"
@@ -289,22 +258,3 @@ def test_only_the_chimney_template_gets_a_pendulum(kind, tmp_path):
         content = done.json("design.json")
         assert 0.5 < content["overturning_reduction"]["mean"] < 0.7
         assert content["build"]["mass"] < 0.1 * 16280.0
-
-
-@pytest.mark.slow
-def test_every_design_keeps_the_fixed_length_and_the_limit_on_the_mass(tmp_path):
-    path = tmp_path / "job.toml"
-    path.write_text(template("chimney").replace("# mass = 800.0 ", "mass = 500.0 "))
-    done = call("optimise", str(path), "--pendulum-length 0.5", out=tmp_path / "out")
-    content = done.json("design.json")
-    for validated in content["validated"]:
-        assert validated["pendulum"]["length"] == pytest.approx(0.5, rel=1e-9)
-    if content["pendulum"] is not None:
-        assert content["build"]["mass"] <= 500.0
-
-
-@pytest.mark.slow
-def test_the_statue_is_optimised_under_the_records_of_fema_p695(tmp_path):
-    done = call("optimise", STATUE, "--records fema-p695 --scales 1.5 2 3 4", out=tmp_path / "out")
-    assert done.status in (0, 3)
-    assert "uplift      at 0.326 g; the strongest condition reaches 1.3 g" in done.out

@@ -1,15 +1,11 @@
 """`tpd record`: description of ground motion records before they are used."""
 
-import contextlib
-import io
-
 import numpy as np
 import pytest
 
 from tests.cli.conftest import call
 from tests.formats.reader import DATA
 from tpd import Record
-from tpd.cli import main
 from tpd.records import el_centro
 from tpd.records.intensity import spectral_acceleration
 
@@ -123,22 +119,3 @@ def test_a_file_name_with_dollar_signs_can_be_a_plot_title(table, tmp_path):
     done = call("record", str(path), out=tmp_path / "out")
     assert (done.status, done.err) == (0, "")
     assert done.files.keys() == {"records.csv", "record_1.png"}
-
-
-def test_the_peak_between_samples_is_printed(tmp_path):
-    (tmp_path / "a.csv").write_text("time (s),acc (m/s2)\n0.00,0\n0.02,1.2\n0.04,-0.8\n0.06,0\n")
-    assert "peak velocity (PGV)      0.0192 m/s" in call("record", str(tmp_path / "a.csv")).out
-
-
-def test_an_empty_record_name_is_rejected(table, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    table("m/s2")
-    with contextlib.redirect_stderr(io.StringIO()) as stderr:
-        assert main(["record", ""]) == 2
-    assert "the name of a record must not be empty" in stderr.getvalue()
-
-
-def test_shake_warns_of_an_implausible_pga(table, tmp_path):
-    block = "--width 0.5 --height 2.5 --mass 1000 --restitution 0.9"
-    done = call("shake", block, "--record", table("g"), "--free", "1", out=tmp_path / "out")
-    assert "warning: the PGA is implausible (usual are 0.001 to 2 g)" in done.out

@@ -3,15 +3,12 @@
 import io
 import math
 
-import matplotlib
-import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS, call
+from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
 from tpd.cli import shake
 from tpd.core import files
-from tpd.plots import response
 
 PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -36,23 +33,6 @@ def test_shake_writes_the_results_of_the_library(run):
     rows = [r for r in done.rows("histories.csv") if r["case"] == "with the pendulum"]
     assert max(abs(float(r["tilt_rad"])) for r in rows) == pytest.approx(float(linear.tilt), rel=1e-4)
     assert "friction coefficient to prevent sliding" in done.out
-
-
-def test_shake_scales_the_acceleration_of_a_record(run, tmp_path):
-    t = np.arange(300) * 0.01
-    lines = [f"{x:.2f},{0.3 * np.sin(8.0 * x):.6f}" for x in t]
-    (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
-    done = run("shake", COLUMN, f"--record {tmp_path / 'record.csv'} --scale 1.2 --free 1")
-    expected = tpd.transient(tpd.Scene(BLOCK, tpd.Record.read(tmp_path / "record.csv").scaled(1.2)), free=1.0)
-    linear = done.json("shake.json")["results"]["without a pendulum"]["linear"]
-    assert linear["tilt"] == pytest.approx(float(expected.tilt), rel=1e-12)
-
-
-def test_the_exit_status_depends_on_overturning(run):
-    done = run("shake", COLUMN, PULSE, "0.5", "--free", "5")
-    assert done.status == 3
-    assert "overturned" in done.out
-    assert done.json("shake.json")["results"]["without a pendulum"]["tilt"] == "infinite"
 
 
 def test_shake_prints_the_swing_of_both_models_and_counts_strong_impacts(run):
@@ -82,54 +62,22 @@ def test_a_motion_without_a_solution_is_reported(run, monkeypatch):
     assert "model has no result" in done.out
 
 
-def test_shake_writes_its_numbers_if_a_picture_fails(run, monkeypatch):
-    def broken(*_, **how):
-        raise RuntimeError("no such font\nat all")
-
-    monkeypatch.setattr("tpd.plots.response.plot_motions", broken)
-    with matplotlib.rc_context({"text.usetex": True, "font.family": ["No Such Font"]}):
-        done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
-    assert (done.status, done.err.count("tpd: ")) == (0, 1)
-    assert "tpd: histories.png is not drawn: no such font\n" in done.err
-    written = [line.rpartition("/")[2] for line in done.out.splitlines() if line.startswith("written: ")]
-    assert written == ["shake.json", "histories.csv", "impacts.csv"]
-
-
-@pytest.mark.parametrize("complete", [[], ["shake.json", "histories.csv"]])
-def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path, complete):
-    place, name = files.place, "impacts.csv" if complete else "shake.json"
+def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path):
+    place = files.place
 
     def full(path, content, of="", **how):
-        if path.name == name:
+        if path.name == "impacts.csv":
             monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
         return place(path, content, of, **how)
 
     monkeypatch.setattr(files, "place", full)
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert done.status == 2
-    assert done.err.splitlines()[-1].endswith(f"out/{name}: No space left on device")
-    assert [f"written: {tmp_path}/out/{n}" for n in complete] == done.out.splitlines()[
-        -len(complete) or 999 :
-    ]
+    assert done.err.splitlines()[-1].endswith("out/impacts.csv: No space left on device")
+    written = [f"written: {tmp_path}/out/{name}" for name in ("shake.json", "histories.csv")]
+    assert done.out.splitlines()[-2:] == written
     # The files that were complete are removed as well.
     assert not (tmp_path / "out").exists()
-
-
-def test_a_surviving_block_has_finite_histories_and_no_overturning_mark(tmp_path, monkeypatch):
-    drawn, plot = [], response.plot_motions
-    monkeypatch.setattr(response, "plot_motions", lambda *a: drawn.append(plot(*a)) or drawn[-1])
-    for i, (dt, n) in enumerate([(0.01, 1500), (0.01, 2311), (0.005, 3001), (0.02, 700)]):
-        t = dt * np.arange(n)
-        lines = [f"{x:.4f},{0.25 * np.sin(8.0 * x):.6f}" for x in t]
-        (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
-        done = call(
-            "shake", COLUMN, PENDULUM_OPTIONS, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i)
-        )
-        results = done.json("shake.json")["results"]
-        assert {x["linear"]["status"] for x in results.values()} == {"rocked"}
-        rows = done.rows("histories.csv")
-        assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "case")
-        assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]
 
 
 def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
@@ -145,11 +93,8 @@ def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
     ("tilts", "sentence"),
     [
         ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear model)."),
-        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear model)."),
         ((math.inf, math.inf), "The block overturns in both cases."),
-        ((math.inf, 0.1), "The block overturns only without the pendulum."),
         ((0.1, math.inf), "The block overturns only with the pendulum."),
-        ((0.0, math.inf), "The block overturns only with the pendulum."),
         ((0.0, 0.0), "The block does not lift in either case."),
         ((0.0, 0.1), "The block lifts only with the pendulum."),
         ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear model)."),

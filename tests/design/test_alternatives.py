@@ -1,16 +1,39 @@
-"""Measures without a pendulum; `test_assess` compares them with the runs and the answer of a block."""
+"""Measures without a pendulum; `test_assess` has the period of isolation."""
 
+import numpy as np
 import pytest
 
 import tpd
-from tpd.design.alternatives import alternatives
+from tests import designs
+from tests.designs import SCENE
+from tpd.design.alternatives import Alternatives, alternatives
 from tpd.design.optimise import problem_of
+from tpd.design.reasons import DesignStatus
 
 
-def test_the_tie_carries_the_moment_that_lifts_the_block():
-    scene = tpd.paper_scene()
-    problem = problem_of(scene, limits=(), conditions=tpd.Conditions.exactly())
-    found, alone = alternatives(problem), problem.at_rest
-    # About the edge: the tie acts at the height of the block, the inertia force at half of it.
-    moment = scene.block.mass * 9.80665 * (alone.peak - alone.uplift) * 0.5 * scene.block.height
-    assert found.tie * scene.block.height == pytest.approx(moment, rel=1e-12)
+@pytest.mark.parametrize("share", [1.0, 0.9])
+def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
+    scene = designs.with_block(SCENE, effective_width=share)
+    problem = problem_of(scene, conditions=tpd.Conditions.exactly(), limits=())
+    alone = problem.at_rest
+    found = alternatives(problem)
+    # Moments about the corner: the tie pulls at the height 2 b.
+    f = alone.peak
+    assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 * share - 0.05 * 0.2))
+    wide = designs.with_block(scene, width=found.width, cavity_width=None)
+    assert wide.uplift == pytest.approx(f)
+    # An undamped oscillator passes on 1/(r^2 - 1) at r times its frequency.
+    r = found.isolation * 2.5
+    assert f / (r**2 - 1.0) == pytest.approx(alone.uplift)
+    calm = problem_of(SCENE, conditions=tpd.Conditions.amplitudes(0.5), limits=())
+    assert calm.needs_none is DesignStatus.no_uplift
+    assert alternatives(calm).tie == 0.0
+
+
+@pytest.mark.parametrize(
+    ("friction", "width", "is_offered"), [(0.5, 1.9, True), (1.01, 1.9, False), (0.5, 2.01, False)]
+)
+def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
+    said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
+    assert ("a base at least" in said) is is_offered
+    assert said.endswith("; no wider base prevents uplift") is not is_offered

@@ -8,10 +8,9 @@ import pytest
 import tpd
 from tests import designs
 from tests.design.conftest import SCENE
-from tpd.design.alternatives import Alternatives, alternatives
+from tpd.design.alternatives import alternatives
 from tpd.design.assess import problem_alone
 from tpd.design.optimise import problem_of
-from tpd.design.reasons import DesignStatus
 from tpd.records.intensity import spectral_acceleration
 
 FEW = tpd.Ensemble(size=64, periods=30)
@@ -69,55 +68,6 @@ def test_assess_and_optimise_report_equal_runs_without_pendulum():
     np.testing.assert_array_equal(found.cluster, quoted.cluster)
 
 
-def test_assess_simulates_every_record_at_every_level():
-    asked = {k: x for k, x in designs.GROUND.items() if k not in ("limits", "space")}
-    found = tpd.assess(designs.BLOCK, **asked)
-    motions = sum(len(g.motions) for g in found.problem.groups)
-    assert found.runs.tilt.size == motions * len(set(found.problem.conditions.scales))
-
-
-@pytest.mark.parametrize("share", [1.0, 0.9])
-def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
-    scene = designs.with_block(SCENE, effective_width=share)
-    problem = problem_of(scene, conditions=tpd.Conditions.exactly(), limits=())
-    alone = problem.at_rest
-    found = alternatives(problem)
-    # Moments about the corner: the tie pulls at the height 2 b.
-    f = alone.peak
-    assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 * share - 0.05 * 0.2))
-    wide = designs.with_block(scene, width=found.width, cavity_width=None)
-    assert wide.uplift == pytest.approx(f)
-    # An undamped oscillator passes on 1/(r^2 - 1) at r times its frequency.
-    r = found.isolation * 2.5
-    assert f / (r**2 - 1.0) == pytest.approx(alone.uplift)
-    calm = problem_of(SCENE, conditions=tpd.Conditions.amplitudes(0.5), limits=())
-    assert calm.needs_none is DesignStatus.no_uplift
-    assert alternatives(calm).tie == 0.0
-
-
-def test_the_isolation_period_follows_from_the_response_spectrum():
-    conditions = tpd.Conditions.records([tpd.records.el_centro()], (1.5,))
-    problem = problem_alone(designs.BLOCK, conditions=conditions)
-    found, alone = alternatives(problem), problem.at_rest
-    (motion,) = problem.stated_motions
-    # In another gravity all accelerations are as many times as large, and the period stays.
-    there = tpd.Scene(designs.BLOCK, motion, 20.0)
-    again = alternatives(problem_alone(there, conditions=conditions)).isolation
-    assert again == pytest.approx(found.isolation, rel=1e-3)
-    assert spectral_acceleration(motion, found.isolation) == pytest.approx(alone.uplift * 9.80665, rel=1e-3)
-    longer = found.isolation * np.geomspace(1.001, 5.0, 200)
-    assert all(spectral_acceleration(motion, t) < alone.uplift * 9.80665 for t in longer)
-
-
-@pytest.mark.parametrize(
-    ("friction", "width", "is_offered"), [(0.5, 1.9, True), (1.01, 1.9, False), (0.5, 2.01, False)]
-)
-def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
-    said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
-    assert ("a base at least" in said) is is_offered
-    assert said.endswith("; no wider base prevents uplift") is not is_offered
-
-
 STATUE = tpd.Block(width=0.55, height=1.8, mass=700.0, cavity_width=0.3)
 PAIR = {
     "conditions": tpd.Conditions.records(
@@ -144,6 +94,14 @@ def test_the_isolation_period_is_the_largest_of_all_records():
     assert said in str(found)
 
 
+def test_the_uplift_check_includes_the_validation_records():
+    strong, weak = tpd.records.el_centro(), tpd.records.loma_prieta().scaled(0.1)
+    conditions = tpd.Conditions.records([weak], [1.5], intensity="scale")
+    problem = problem_of(STATUE, conditions=conditions, limits=(), validation_share={"strong": [strong]})
+    assert problem.at_rest.peak == pytest.approx(1.5 * float(strong.pga) / 9.80665)
+    assert problem.needs_none is None
+
+
 def test_the_isolation_period_depends_on_the_size_of_each_record():
     weak, strong = tpd.records.el_centro().scaled(1.2), tpd.records.el_centro().scaled(1.8)
     conditions = tpd.Conditions.records([weak, strong], [1.0], intensity="scale")
@@ -152,11 +110,3 @@ def test_the_isolation_period_depends_on_the_size_of_each_record():
     for period, motion in zip(periods, (weak, strong), strict=True):
         assert spectral_acceleration(motion, period) == pytest.approx(level, rel=1e-3)
     assert periods[0] < periods[1]
-
-
-def test_the_uplift_check_includes_the_validation_records():
-    strong, weak = tpd.records.el_centro(), tpd.records.loma_prieta().scaled(0.1)
-    conditions = tpd.Conditions.records([weak], [1.5], intensity="scale")
-    problem = problem_of(STATUE, conditions=conditions, limits=(), validation_share={"strong": [strong]})
-    assert problem.at_rest.peak == pytest.approx(1.5 * float(strong.pga) / 9.80665)
-    assert problem.needs_none is None

@@ -15,11 +15,9 @@ from tests.designs import SCENE, SMALL, SPACE, outcomes
 from tpd.answers import ensemble
 from tpd.cli.new import template
 from tpd.core.progress import unreported
-from tpd.design import harmonic
 from tpd.design.corrections import Corrections
 from tpd.design.first_guess import first_guess
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.job import job_of
 from tpd.design.optimise import solve_problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.search import search
@@ -99,18 +97,6 @@ def test_the_descents_decide_the_share_of_runs_that_overturn(chimney):
     assert share < without - 0.15
 
 
-def test_descents_on_smoothed_and_on_exact_orbits_end_at_the_same_design(chimney):
-    made, _ = chimney
-    orbits = made._corrected(made.searched)
-    ends = {}
-    for name, model in (("exact", EXACT), ("smoothed", harmonic.SMOOTHED)):
-        found = search(orbits, dataclasses.replace(made.method, model=model), 0, guess=made.guess)
-        ends[name] = found.end_values[found.order[0]], found.ends[found.order[0]]
-    assert ends["smoothed"][0] == pytest.approx(ends["exact"][0], abs=1e-4)
-    # The objective is flat along the limit: the designs differ more than their values.
-    np.testing.assert_allclose(ends["smoothed"][1], ends["exact"][1], rtol=0.02)
-
-
 def test_a_law_passes_through_the_accurate_runs(chimney):
     made, _ = chimney
     i, orbits = len(made.designs) - 1, made._corrected(made.orbits)
@@ -180,19 +166,17 @@ def test_no_design_is_returned_if_none_can_keep_a_limit():
     ("space", "fixed"),
     [
         (tpd.DesignSpace(mass_ratio=0.1, damping_ratio=(0.05, 0.4)), {0: 0.1}),
-        (tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=0.0), {2: 0.0}),
         (tpd.DesignSpace(mass_ratio=0.1, length_ratio=(0.1, 1.0), damping_ratio=0.3), {0: 0.1, 2: 0.3}),
     ],
-    ids=["mass", "no damping", "only the length varies"],
+    ids=["mass", "only the length varies"],
 )
 def test_fixed_parameters_remain_fixed(space, fixed):
     here = corrected(space=space)
     best = here.best([])
-    # Half of the runs of an undamped bob overturn, so that so few corrections may end outside of the limit.
-    assert best is not None or 2 in fixed
+    assert best is not None
     for column, value in fixed.items():
         assert {float(x[column]) for x in here.designs} == {value}
-    ends = None if best is None else here.equivalent(best)
+    ends = here.equivalent(best)
     assert ends is None or np.all((ends[0] <= best) & (best <= ends[1]))
 
 
@@ -222,12 +206,10 @@ class Gentle(tpd.limits.Limit):
     [
         ((), [], 1),
         (tpd.limits.POINT_BOB, ["stroke"], None),
-        ((tpd.limits.Mass(1.0), *tpd.limits.POINT_BOB), ["stroke"], None),
-        ((tpd.limits.Reserve(), tpd.limits.Multiplier(0.99), tpd.limits.Worsening()), [], 1),
         ((Rod(0.15), tpd.limits.Stroke(3.0 / 2.0)), ["stroke", "rod"], None),
         ((Gentle(),), ["gentle"], None),
     ],
-    ids=["none", "point bob", "mass", "of orbits", "of a user", "negative"],
+    ids=["none", "point bob", "of a user", "negative"],
 )
 def test_only_limits_on_the_motion_of_runs_are_corrected(limits, names, count):
     """Limits on the bob alone and limits on orbits need no run. Without the others one design has accurate
@@ -239,32 +221,6 @@ def test_only_limits_on_the_motion_of_runs_are_corrected(limits, names, count):
     assert count is None or len(here.designs) - here.cheap == count
     assert np.isfinite(here.trials().sizes).all()
     assert here.problem.possible(best[None])[0] or here._excess(len(here.designs) - 1) > 0.0
-
-
-def test_without_corrections_the_first_design_is_only_checked():
-    here = corrected(dataclasses.replace(FEW, corrections=0))
-    here.best([])
-    assert len(here.designs) == 24 + 1
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"conditions": tpd.Conditions.exactly()},
-        {"starts": tpd.Starts.rest()},
-        {"objective": tpd.limits.SteadyTilt()},
-        {"risk": tpd.Risk.cvar(0.5)},
-    ],
-    ids=["one condition", "from rest", "steady tilt", "cvar"],
-)
-def test_other_problems_have_a_best_design_too(given):
-    here = corrected(**given)
-    best = here.best([])
-    assert best is not None
-    low, high = SPACE.bounds
-    assert np.all((best >= low) & (best <= high))
-    ends = here.equivalent(best)
-    assert ends is None or np.all((ends[0] <= best) & (best <= ends[1]))
 
 
 class Falling(HarmonicProblem):
@@ -306,29 +262,15 @@ def test_every_stage_reports_its_progress_and_stops_at_ctrl_c():
             corrected(progress=partial(stop, stage)).best([])
 
 
-def test_no_two_stages_of_a_harmonic_problem_share_runs():
-    asked = []
-
-    class Recorded(HarmonicProblem):
-        def trial_runs(self, design, seed, equations="linear"):
-            asked.append((equations, seed))
-            return super().trial_runs(design, seed, equations)
-
-        def paired_runs(self, design, seed, *more, **how):
-            asked.append(("paired", seed))
-            return super().paired_runs(design, seed, *more, **how)
-
-    made = HarmonicProblem.of(SCENE, SPACE, **(SMALL | {"limits": STROKE, "method": FEW}))
-    solve_problem(Recorded(**made.inputs))
-    seeds = {kind: {seed for of, seed in asked if of == kind} for kind, _ in asked}
-    assert [len(seeds[kind]) for kind in ("linear", "nonlinear")] == [1, 1]
-    assert len(set.union(*seeds.values())) == sum(map(len, seeds.values()))
-    assert job_of({}).method.corrections == 4
-
-
 def test_a_limit_that_angles_do_not_change_is_kept_by_rods_that_scatter():
     """On the limit itself half of the rods would be too long."""
     here = corrected(limits=(LongestRod(0.1),), ensemble=tpd.Ensemble(size=512, periods=30, length=0.02))
     design = here.best([])
     runs = more_runs(here.problem, design, 1024, 5)
     assert here.problem.over_limit(design, runs)[0] <= here.problem.allowed
+
+
+def test_without_corrections_the_first_design_is_only_checked():
+    here = corrected(dataclasses.replace(FEW, corrections=0))
+    here.best([])
+    assert len(here.designs) == 24 + 1

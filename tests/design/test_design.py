@@ -63,14 +63,6 @@ def test_a_design_without_a_pendulum_has_no_numbers():
     assert str(found) == found.verdict == found.problem.needless
 
 
-def test_without_a_feasible_design_the_nearest_trial_is_printed():
-    found = solve_problem(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
-    i = int(np.argmin(found.trials.sizes.max(axis=1)))
-    np.testing.assert_array_equal(found.nearest, found.trials.designs[i])
-    assert found.refusals == (str(found.problem.excess("stroke", found.trials.sizes[i, 0])),)
-    assert found.risks[1] == found.trials.without_pendulum
-
-
 class Swings(NoisyProblem):
     """In runs of the nonlinear model the bob swings by further 110 %."""
 
@@ -86,15 +78,6 @@ def test_a_pendulum_far_beyond_a_limit_is_not_validated():
     assert not found.is_harmful
     assert found.verdict.startswith("NOT RECOMMENDED: the design exceeds the limit on stroke: 0.")
     assert found.verdict.endswith(" rad, but at most 0.5 is allowed.")
-
-
-def test_only_harmonic_designs_have_settled_motions_and_a_model_check(harmonic, ground):
-    without_pendulum, with_pendulum = harmonic.exact_motions
-    assert without_pendulum is harmonic.problem.without_pendulum
-    assert with_pendulum is harmonic.best.exact
-    assert ground.exact_motions == ground.problem.compared_models(ground.pendulum, models=("exact",)) == ()
-    (compared,) = harmonic.problem.compared_models(harmonic.pendulum, models=("exact",))
-    assert {"exact", "nonlinear"} <= {model.name for model in compared.models}
 
 
 def test_a_design_without_validation_records_claims_no_benefit(ground):
@@ -113,6 +96,8 @@ def test_the_arguments_of_a_design_define_an_equal_problem(harmonic, ground):
     assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
     assert set(harmonic.again()) - set(ground.again()) == {"starts", "objective"}
     assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}
+    assert harmonic.exact_motions == (harmonic.problem.without_pendulum, harmonic.best.exact)
+    assert ground.exact_motions == ()
 
 
 def test_a_rejection_lists_the_inputs_that_could_change_it():

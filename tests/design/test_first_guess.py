@@ -24,11 +24,6 @@ def test_the_first_guess_under_a_harmonic_is_the_lightest_pendulum_without_uplif
     assert heavier[0] > problem.space.ends[1, 0] or not problem.possible(heavier[None])[0]
 
 
-def test_the_first_guess_is_one_of_the_trial_designs(harmonic):
-    design = harmonic
-    assert np.isclose(design.trials.designs, first_guess(design.problem)).all(axis=1).any()
-
-
 def test_the_first_guess_for_records_has_a_longer_period_than_the_ground_motion():
     problem = problem_of(BLOCK, **GROUND)
     guess = first_guess(problem)

@@ -164,34 +164,3 @@ def test_excitations_are_ordered_by_the_bob_angle():
     found = made.strongest_motions(DESIGN)
     expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)
-
-
-THREE = tpd.Conditions.band(SCENE, 2.3, 2.7, 3)
-SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
-
-
-@pytest.mark.parametrize(
-    "conditions",
-    [
-        tpd.Conditions.exactly(),
-        tpd.Conditions.around(SCENE),
-        THREE,
-        THREE * tpd.Conditions.amplitudes(0.9, 1.05),
-        tpd.Conditions.exactly() * THREE * tpd.Conditions.amplitudes(0.9, 1.05) * SAMPLES,
-        SAMPLES,
-    ],
-    ids=lambda conditions: " * ".join(conditions.description) or "exactly",
-)
-def test_a_job_file_keeps_the_conditions_of_its_problem(conditions, tmp_path):
-    path = tmp_path / "job.toml"
-    made = HarmonicProblem.of(SCENE, conditions=conditions, limits=tpd.limits.POINT_BOB)
-    path.write_text(made.job.toml, encoding="utf-8")
-    job = tpd.Job.read(path)
-    again = tpd.Conditions.around(job.scene) if job.conditions is None else job.conditions
-    np.testing.assert_array_equal(again.factor_rows(), conditions.factor_rows())
-
-
-@pytest.mark.parametrize("conditions", [THREE * THREE, tpd.Conditions.around(SCENE, count=7)])
-def test_conditions_that_a_job_file_cannot_express_are_rejected(conditions):
-    with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
-        _ = HarmonicProblem.of(SCENE, conditions=conditions).job

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
-from tpd.design.newton import NARROW, PENALTY, WIDE, Linearisation, _updated, newton, smoothed, width_at
+from tests.design.minimax import FREE, LIMITED, STARTS, WORST
+from tpd.design.newton import NARROW, PENALTY, Linearisation, _updated, newton, smoothed, width_at
 from tpd.design.search import descend
 
 LEAST = 1.9522245
@@ -103,17 +103,6 @@ def test_descents_minimise_the_conditional_value_at_risk():
     np.testing.assert_allclose(ends.merit, 2.20740775, atol=5e-5)
 
 
-def test_descents_reach_free_and_constrained_minima():
-    bowl = [lambda x, y: ((x - 2) ** 2 + 10 * (y - 1) ** 2, (2 * x - 4, 20 * y - 20))]
-    line = [lambda x, y: (x + y - 2.0, (np.ones_like(x), np.ones_like(y)))]
-    start = np.array([[0.5, 0.5]])
-    free = descended(in_unit_square(linearisations(bowl)), start).x
-    np.testing.assert_allclose(6.0 * free - 3.0, [[2.0, 1.0]], atol=1e-6)
-    limited = descended(in_unit_square(linearisations(bowl, line)), start).x
-    # Lagrange: x = 2 - 10/11, y = 1 - 1/11.
-    np.testing.assert_allclose(6.0 * limited - 3.0, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-4)
-
-
 def test_descents_stop_at_the_bounds_and_move_along_them():
     """The free minimum lies beyond the upper bound of the first variable, and beyond no bound of the
     second."""
@@ -128,40 +117,6 @@ def test_descents_stop_at_the_bounds_and_move_along_them():
     ends = descended(valley, np.array([[0.2, 0.9], [1.0, 1.0], [0.0, 0.0]]))
     # At x = 1: 2 (y' - .4) + 16 (2 y' + .4) = 0 with y' = y - .3.
     np.testing.assert_allclose(ends.x, [[1.0, 0.3 - 5.6 / 34.0]] * 3, atol=1e-6)
-
-
-def _circle(sign):
-    return lambda x, y: (sign * 0.2 * (x**2 + y**2 - 1), (sign * 0.4 * x, sign * 0.4 * y))
-
-
-@pytest.mark.parametrize(("limits", "steps"), [([1.0], 40), ([1.0, -1.0], 160)], ids=["disc", "ring"])
-def test_descents_follow_a_curved_constraint(limits, steps):
-    """To the rightmost point of a disc, or along a ring, where every straight step leaves the ring. A ring is
-    two limits at once, which no problem of a pendulum has, and takes four times as many steps."""
-    right = [lambda x, y: (-x, (-np.ones_like(x), np.zeros_like(y)))]
-    problem = in_unit_square(linearisations(right, [_circle(sign) for sign in limits]))
-    start = np.array([[np.cos(2.5) + 3.0, np.sin(2.5) + 3.0]]) / 6.0
-    ends = descend("newton", problem, start, problem(start), 1.0, WORST, steps=steps, widths=WIDE)
-    # The smoothing keeps a distance of a few widths (1e-4) from the limit.
-    np.testing.assert_allclose(6.0 * ends.x - 3.0, [[1.0, 0.0]], atol=1e-3)
-    assert ends.converged.all()
-
-
-def test_descents_return_from_unknown_values():
-    """Beyond x = 0.75 nothing is known. The second start lies there and has no slope."""
-
-    def holed(units):
-        at = FREE(units)
-        return at._replace(value=np.where(units[:, :1] > 0.75, np.inf, at.value))
-
-    ends = descended(holed)
-    np.testing.assert_array_equal(ends.x[1], STARTS[1])
-    np.testing.assert_allclose(ends.merit[[0, 2, 3]], LEAST, rtol=3e-3)
-
-
-def test_every_descent_is_independent_of_the_others():
-    ends = descended(LIMITED)
-    np.testing.assert_allclose(descended(LIMITED, STARTS[1:2]).x[0], ends.x[1], rtol=1e-9)
 
 
 def test_a_step_that_does_not_lower_the_measure_is_taken_back_and_damped():

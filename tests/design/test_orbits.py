@@ -3,7 +3,6 @@ lost, as designs move."""
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -110,15 +109,6 @@ def test_rest_from_rest_takes_precedence_over_a_coexisting_rocking_orbit():
     np.testing.assert_array_equal(rest.merit[~both], either.merit[~both])
 
 
-def test_conditions_change_the_geometry_of_the_scene(objective):
-    factors = {"slenderness": np.array([0.9, 1.1]), "mass": np.array([1.0, 1.2])}
-    other = orbits(conditions=tpd.Conditions(factors))
-    np.testing.assert_allclose(other.geometry.slenderness, SCENE.block.slenderness * factors["slenderness"])
-    np.testing.assert_array_equal(other.geometry.mass_factor, factors["mass"])
-    assert other.evaluate(GOOD).merit.shape == (1, 2)
-    assert objective.evaluate(GOOD).at([0]).merit.shape == (1, 5)
-
-
 def test_the_torus_margin_vanishes_if_a_pair_of_multipliers_reaches_the_unit_circle():
     """At the least frequency of the band a design without a reserve ends on that edge."""
     edge = np.array([[0.2, 0.24187974, 0.34017006]])
@@ -158,17 +148,6 @@ def test_a_user_objective_replaces_the_tilt_if_the_block_rocks():
     for i in range(3):
         up, down = (of_user.at(UNIT + s * 1e-5 * np.eye(3)[i]).value for s in (1, -1))
         np.testing.assert_allclose(of_user.at(UNIT).slope[..., i], (up - down) / 2e-5, rtol=1e-5, atol=1e-7)
-
-
-@pytest.mark.parametrize("wrong", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0])
-def test_a_user_objective_that_jax_cannot_differentiate_is_rejected(wrong):
-    @dataclasses.dataclass(frozen=True)
-    class Wrong(Both):
-        def size(self, motion, design, geometry):
-            return wrong(motion.tilt)
-
-    with pytest.raises(ValueError, match="`size` of each of tilt and swing must be one number that JAX can"):
-        orbits(objective=Wrong(1.0)).evaluate(GOOD)
 
 
 @pytest.fixture

@@ -76,17 +76,12 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
         # Only what is missed is required: the reduction, its interval or both.
         ("too_little_benefit", NEARLY, "required: a reduction of at least 20.00 %$"),
         ("too_little_benefit", UNSURE, "required: an interval that begins above 10.00 %$"),
-        ("too_little_benefit", {"value": 0.1, "reference": 0.1}, "interval); required: an interval that beg"),
         ("too_little_benefit", UNSURE, "interval 9.98 to 50.0 %); req"),
-        ("too_little_benefit", UNSURE, "above 10.00 %"),
         ("too_little_benefit", {"value": -1e-5, "low": -1.0, "reference": 0.0}, "increases by 0.001 %"),
         # The interval is that of the change which the sentence states.
         ("too_little_benefit", RISE, "increases by 10.0 % (95 % interval -5.0 to 30.0 %)"),
-        ("too_little_benefit", RISE | {"value": 0.1, "low": -0.05, "high": 0.3}, "falls by 10.0 % (95 % int"),
         ("too_little_benefit", RISE | {"value": 0.1, "low": -0.05, "high": 0.3}, "interval -5.0 to 30.0 %)"),
-        ("touches_wall", WALL, "in 1.004 % of the surviving runs"),
         ("touches_wall", WALL, "at most 1.000 % are allowed"),
-        ("breaks_limit", {"value": 1.0003, "reference": 1.0}, "1.0003 times the limit"),
         # A limit on an increase and a lower bound have their own quantities.
         (
             "breaks_limit",
@@ -98,17 +93,7 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
             {"limit": "reserve", "value": 0.03, "reference": 0.05},
             "reserve: 0.03, but at least 0.05 is allowed$",
         ),
-        ("slides", {"value": 0.3304, "reference": 0.33}, "of 0.3304, but has 0.33"),
-        ("worse_condition", {"value": 0.3003, "reference": 0.3, "total": 1}, "30.03 % of the toppling"),
-        # All runs have no name, and one condition alone is counted with no others.
-        (
-            "overturns_more",
-            {"value": 2.0, "reference": 1.0, "total": 9},
-            "of 9 paired runs, the pendulum causes overturning in 2",
-        ),
-        ("worse_condition", {"condition": "2.5 Hz", "reference": 0.2, "total": 1}, "for 2.5 Hz$"),
         # Without enough earthquakes or overturned runs there is no interval.
-        ("too_little_benefit", {"value": 0.995, "low": -math.inf, "reference": 0.1}, FEW),
         ("too_little_benefit", {"value": 0.995, "low": math.nan, "reference": 0.1}, FEW),
         (
             "too_little_benefit",
@@ -174,11 +159,3 @@ def test_every_status_has_a_remedy_and_two_are_sound():
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
     assert not any("require" in status.remedy for status in DesignStatus)
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 9
-
-
-def test_a_reason_explains_an_unknown_rate():
-    reason = Reason(
-        kind=ReasonKind.too_little_benefit, value=math.nan, low=math.nan, reference=0.1, measure="rate"
-    )
-    unknown = "change of the rate of overturning is unknown (the runs with or without the pendulum determine"
-    assert unknown in str(reason)

@@ -46,12 +46,6 @@ def test_the_refinement_finds_the_minimum_within_the_limit(refinement):
     assert np.sqrt(np.mean(errors[:20] ** 2)) < 0.01
 
 
-def test_the_refinement_finds_the_free_minimum_without_limits():
-    trials = refined(NoisyProblem.of(limits=())).trials()
-    np.testing.assert_allclose(SPACE.scaled(trials.designs[0]), [0.6, 0.5, 0.4], atol=0.12)
-    assert (trials.names, trials.sizes.shape) == ((), (len(trials.designs), 0))
-
-
 def test_trials_are_ordered_from_best_to_worst(refinement):
     trials = refinement.trials()
     m = len(trials.designs)
@@ -84,22 +78,6 @@ def test_all_trials_of_a_refinement_share_one_seed():
     other = NoisyProblem.of(ensemble=tpd.Ensemble(size=64, seed=1))
     refined(other)
     assert trial.isdisjoint(other.asked)
-
-
-def test_the_refinement_finds_the_same_design_in_a_wider_space(refinement):
-    """The stroke and the tilt are those of the same shares of the narrow space."""
-
-    class Wide(NoisyProblem):
-        def candidates(self):
-            return self.space.sample(np.random.default_rng(self.seed), 48)
-
-    ends = np.clip(SPACE.ends * [[0.5], [2.0]], 0.0, 1.9).T.tolist()
-    names = "mass_ratio", "length_ratio", "damping_ratio"
-    space: Any = tpd.DesignSpace(**dict(zip(names, map(tuple, ends), strict=True)))
-    problem = Wide(**(NoisyProblem.of().inputs | {"space": space}))
-    best = best_of(refined(problem))
-    assert problem.tilt(best) < problem.tilt(best_of(refinement)) + 0.01
-    assert SPACE.scaled(best)[0] < 0.5
 
 
 class Longer(NoisyProblem):
@@ -200,17 +178,6 @@ def test_equivalent_designs_enclose_the_best_design_and_keep_the_limit(refinemen
     assert high[0] < 0.5
     assert np.all(high - low < 0.7)
     assert refinement.problem.tilt(SPACE.unscaled((low + high) / 2)) < 0.25
-
-
-@pytest.mark.parametrize("count", [6, 12])
-def test_feasible_trials_keep_the_limit_for_any_number_of_runs(count):
-    """The limit on the stroke cuts mu off below a half of its range."""
-    trials = refined(NoisyProblem.of(count=count)).trials()
-    share = SPACE.scaled(trials.designs)[:, 0]
-    assert trials.feasible[0]
-    assert np.all(share[trials.feasible] < 0.52)
-    assert np.isfinite(trials.sizes).all()
-    assert np.all(trials.sizes[share > 0.6] > 1.0)
 
 
 class Falling(NoisyProblem):

@@ -10,6 +10,7 @@ import tpd
     ("make", "message"),
     [
         (lambda: tpd.Descent(screening=-1), "`screening` must be a whole number, 1 or more, but is -1"),
+        (lambda: tpd.GroundSearch(designs=-1), "`designs` must be a whole number, 4 or more, but is -1"),
         (lambda: tpd.Descent(steps=0), "`steps` must be a whole number, 1 or more, but is 0"),
         (lambda: tpd.Descent(corrections=-1), "`corrections` must be a whole number, 0 or more, but is -1"),
         (lambda: tpd.Descent(polish=1.5), "`polish` must be a whole number, 0 or more, but is 1.5"),

@@ -100,20 +100,10 @@ def test_a_stored_design_is_read_back_unchanged(design, damaged, tmp_path):
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of recommended, not_to_be_built, tuned_only, too_few"),
-        ({"status": True}, "`status` must be a text, but is True"),
-        (
-            {"pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1, "hinge_height": None}},
-            "`length` must be positive",
-        ),
         ({"pendulum": [1.0]}, "`pendulum` must be a table, but is [1.0]"),
         (
             {"job": {"limits": {"strokes": 1.0}}},
             "there is no key `strokes` in [limits]; did you mean `stroke`?",
-        ),
-        ({"job": {"limits": {"stroke": 3.0}}}, "[limits] `stroke` must be at most 1.5708"),
-        (
-            {"job": {"block": {"widht": 1.0}}},
-            "there is no key `widht` in [block]; did you mean `width`?",
         ),
         ({"job": {"excitation": 1.0}}, "`excitation` must be a table, but is 1.0"),
         ({"job": {"site": {"gravity": 0.0}}}, "[site] `gravity` must be positive and finite, but is 0"),

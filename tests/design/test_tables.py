@@ -10,12 +10,10 @@ from tests.design.test_job import refusal
 from tpd import limits
 from tpd.answers.ensemble import Ensemble
 from tpd.design import job as jobs
-from tpd.design.risk import Risk
-from tpd.design.settings import VALIDATION_SHARE, Descent
+from tpd.design.settings import Descent
 from tpd.design.space import DesignSpace
 from tpd.design.tables import SCHEMA, TABLES, json_schema
 from tpd.limits import Requirements
-from tpd.records.read import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS
 from tpd.scene.scene import Block
@@ -67,16 +65,6 @@ def test_the_published_schema_rejects_what_the_reader_rejects():
             jobs.job_of(given)
 
 
-def described(table, key):
-    """Return the description of a key."""
-    return json.loads(json_schema())["properties"][table]["properties"][key]["description"]
-
-
-def test_the_description_of_records_lists_the_built_in_records():
-    assert all(name in described("excitation", "records") for name in (*BUILT_IN, *SETS))
-    assert f"(default {VALIDATION_SHARE:g})" in described("excitation", "validation_share")
-
-
 WRONG = [None, True, False, -1, 0, 3, 2**40, -0.5, 1e-12, 1e300, float("nan"), float("inf"), "", "x", "3"]
 WRONG += [[], [1.0], [2.0, 1.0], [1.0, 1.0, 1.0], ["a", "b"], [True, False], {}, {"a": 1}, [[1.0, 2.0]]]
 
@@ -88,8 +76,3 @@ def test_any_value_of_a_key_gives_a_job_or_one_sentence(table):
             said = refusal({table: {key: value}})
             assert said is None or "\n" not in said
             assert said is None or key in said or f"`{table}." in said, (key, value, said)
-
-
-def test_the_help_of_the_risk_measure_states_which_stage_uses_it():
-    assert "Under a harmonic motion the descents use it" in described("search", "risk")
-    assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())

@@ -115,14 +115,6 @@ def test_quoted_runs_use_the_measure_of_the_deciding_runs():
     assert validated(runs, (tpd.limits.Mass(0.1),), Twice).measure == ""
 
 
-def test_identical_runs_show_no_benefit():
-    rng = np.random.default_rng(0).uniform(0.1, 0.9, 200)
-    for least in (0.1, 0.0):
-        v = validated(paired(rng, rng), requirements=Requirements(at_least=least))
-        assert kinds(v) == ["too_little_benefit"]
-        assert v.runs.benefit.low < v.runs.benefit.mean == 0.0 < v.runs.benefit.high
-
-
 def test_the_worst_condition_is_stated_and_further_ones_are_counted():
     group = np.arange(40) % 4
     with_it = np.array([0.1, 0.25, 0.4, 0.1])[group] * np.repeat(np.tile([0.98, 1.02], 5), 4)

@@ -15,7 +15,6 @@ from tests.explore import made
 from tpd.answers.transient import FREE
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
-from tpd.explore import content as content_module
 from tpd.explore.content import content
 from tpd.explore.tables import NONE
 
@@ -149,18 +148,6 @@ def test_the_page_of_a_job_has_its_limits_and_space():
     assert ranges["mass"] == pytest.approx((0.02 * 16.224, 0.1 * 16.224))
 
 
-def test_conditions_extend_the_range_of_the_frequency():
-    job = job_of({"conditions": {"band": [1.0, 2.6]}})
-    frequency = content(job)["controls"][3]
-    assert (frequency["low"], frequency["high"]) == pytest.approx((1.0, 1.5 * 2.5))
-
-
-def test_a_hinge_without_damping_has_a_slider_from_zero():
-    out = content(job_of({"space": {"damping_ratio": 0.0}}))
-    damping = out["controls"][2]
-    assert (damping["low"], damping["high"], damping["value"]) == (0.0, 0.2, 0.0)
-
-
 def test_a_pulse_has_its_acceleration_instead_of_tables():
     job = job_of(PULSE)
     out = content(job)
@@ -174,25 +161,10 @@ def test_a_pulse_has_its_acceleration_instead_of_tables():
     assert values(out)["scale"] == 1.0
 
 
-def test_a_record_has_two_coefficients_for_each_sample():
-    motion = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
-    ground = content(job_of({"block": BLOCK, "excitation": motion}))["ground"]
-    assert ground["order"] == 2
-    assert ground["peak"] == pytest.approx(2.0 * 9.80665 / 6.0, rel=1e-6), "the scale counts from the uplift"
-
-
 @pytest.mark.parametrize("bad", [None, 3, "chimney", PENDULUM])
 def test_an_argument_that_is_no_design_job_or_scene_is_rejected(bad):
     with pytest.raises(ValueError, match="`design` must be"):
         inspect.unwrap(content)(bad)
-
-
-def test_without_a_cavity_there_are_no_walls():
-    block = {name: x for name, x in BLOCK.items() if name != "cavity_width"}
-    motion = {"amplitude": 0.05, "frequency": 1.0}
-    out = content(job_of({"block": block, "excitation": motion, "limits": {"clearance": False}}))
-    assert out["scene"]["cavity"] is None
-    assert "clearance" not in out["limits"]
 
 
 def test_stored_runs_under_records_are_the_counted_runs():
@@ -214,12 +186,3 @@ def test_a_simulation_lasts_as_long_as_a_validation_run():
     out = content(job_of(PULSE))
     assert out["ground"]["seconds"] == pytest.approx(1.0 + FREE)
     assert content(job_of({"ensemble": {"periods": 70}}))["periods"] == 70
-
-
-def test_a_long_record_is_stored_completely():
-    record = tpd.Record(np.sin(0.01 * np.arange(50_001)), 0.002, name="long")
-    conditions = tpd.Conditions.records([record, record.scaled(2.0)])
-    problem = problem_of(designs.BLOCK, conditions=conditions, validation_share=0.0)
-    (_, ground) = content_module._ground_motion(problem, PENDULUM).values()
-    assert ground["name"] == "long, condition 1 of 2"
-    assert len(base64.b64decode(ground["data"])) == 50_000 * 2 * 4

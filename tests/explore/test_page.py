@@ -52,14 +52,3 @@ def test_a_notebook_shows_the_page_in_a_frame(page):
     assert html.unescape(source) == page.html
     assert 'title="Explore the design"' in frame
     assert re.match(r"Page of \d\.\d MB: ", repr(page))
-
-
-def test_a_page_is_written_as_a_file(page, tmp_path):
-    path = page.write(tmp_path / "new" / "explore.html")
-    assert path.read_text(encoding="utf-8") == page.html
-
-
-def test_the_page_needs_64_bits(monkeypatch):
-    monkeypatch.setattr("tpd.core.checks.require_x64", lambda: (_ for _ in ()).throw(RuntimeError("64")))
-    with pytest.raises(RuntimeError, match="64"):
-        explore(SCENE)

@@ -25,12 +25,6 @@ def test_a_stated_value_replaces_a_nearby_node():
     assert axis("damping", 0.0, 1.0, 5, [0.3], log=False).values.tolist() == [0.0, 0.3, 0.5, 0.75, 1.0]
 
 
-def test_both_ends_of_an_axis_remain_nodes():
-    own = axis("frequency", 1.0, 100.0, 3, [1.01, 99.0])
-    assert own.values[0] == 1.0
-    assert own.values[-1] == 100.0
-
-
 def test_fields_of_the_table_equal_the_symmetric_orbits():
     table = solve(SCENE, [axis("frequency", 2.0, 4.0, 4), axis("pendulum_mass", 0.2, 3.0, 3)], PENDULUM)
     nu, rocking = float(SCENE.block.slenderness), 0
@@ -58,13 +52,6 @@ def test_the_table_uses_housners_restitution_of_each_bob():
     table = solve(scene, [axis("pendulum_mass", 100.0, 900.0, 3)], own)
     orbits = tpd.symmetric_orbits(scene.parameters(own))
     assert table.fields["tilt"][-1] == pytest.approx(float(orbits.amplitude[0]) * 6.0, rel=1e-12)
-
-
-def test_the_error_estimate_of_a_parabola_is_its_distance_from_the_chords():
-    x = axis("damping", 0.0, 4.0, 5, log=False)
-    error = interpolation_error(x.values**2, [x])
-    # Between two nodes at a distance of 1 the chord lies at most 1/4 above x^2.
-    np.testing.assert_allclose(error, SAFETY * 0.25)
 
 
 def test_the_error_estimates_of_all_axes_are_added():

@@ -8,7 +8,6 @@ import pytest
 from PIL import Image
 
 from tests.plots import examples
-from tpd.plots import animation
 from tpd.plots.animation import animate, reel
 
 
@@ -40,27 +39,9 @@ def test_an_overturned_block_lies_in_the_film_and_is_labelled():
     assert times[np.argmax(found.is_overturned)] == pytest.approx(2.55)
 
 
-def test_a_film_lasts_until_the_last_overturning(monkeypatch):
-    slow = {"time": 20.0 + examples.history(True).time}
-    late = dataclasses.replace(examples.history(True, overturns=True), **slow)
-    early = dataclasses.replace(examples.history(False, overturns=True), time=examples.history(True).time)
-    seen = []
-    monkeypatch.setattr(animation, "reel", lambda h, p, times: seen.append(times) or reel(h, p, times))
-    animate(examples.SCENE, examples.PENDULUM, (early, late))
-    assert seen[0][0] < 22.5 < 23.0 < seen[0][-1]
-
-
 def test_a_block_without_a_result_is_not_labelled_overturned():
     history, times = examples.history(False, overturns=True), np.arange(100) / 20.0
     found = reel(dataclasses.replace(history, overturned=False), None, times)
     assert not found.is_overturned.any()
     assert np.isfinite(found.tilt).all()
     assert np.abs(found.tilt).max() < 0.5 * np.pi
-
-
-def test_frames_interpolate_the_time_history():
-    history, times = examples.history(True), np.array([0.0, 1.003, 2.0])
-    found = reel(history, examples.PENDULUM, times)
-    assert found.tilt == pytest.approx(np.interp(times, history.time, history.tilt))
-    assert found.swing == pytest.approx(np.interp(times, history.time, history.bob))
-    assert not found.is_overturned.any()

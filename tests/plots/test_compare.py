@@ -8,12 +8,8 @@ import pytest
 import tpd
 from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
-from tpd.design.reasons import DesignStatus
-from tpd.limits import Reserve
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
-from tpd.scene.conditions import Conditions
-from tpd.scene.status import Status, code_of
 
 
 def test_conditions_are_drawn_in_order_and_in_si_units(band):
@@ -30,30 +26,6 @@ def test_conditions_are_drawn_in_order_and_in_si_units(band):
     assert below.get_xlabel() == "frequency of the excitation (Hz)"
     low, high = ax.get_ylim()
     assert -0.05 * high <= low <= 0.0
-
-
-def test_overturned_conditions_and_rejected_designs_are_marked(band):
-    exact = dataclasses.replace(band.best.exact, status=np.array(["overturned", *["rocking"] * 3]))
-    rejected = dataclasses.replace(band.best, exact=exact)
-    problem = dataclasses.replace(band.problem, limits=(Reserve(),))
-    changed = {"problem": problem, "status": DesignStatus.not_recommended}
-    ax, below = plot_conditions(dataclasses.replace(band, validated=(rejected,), **changed))
-    assert "with pendulum" not in lines(ax)
-    assert lines(ax)["best design, not recommended: overturns from rest"].get_xdata() == pytest.approx([3.0])
-    # Without a limit on the stroke there is no line for it.
-    assert "stroke limit" not in lines(below)
-    _, empty = plot_conditions(dataclasses.replace(band, validated=(), **changed))
-    assert empty.get_legend() is None
-
-
-def test_conditions_on_the_pendulum_are_drawn_in_si_units(band, single):
-    factors = {"length": np.linspace(0.9, 1.1, 4)}
-    problem = dataclasses.replace(band.problem, conditions=Conditions(factors))
-    _, below = plot_conditions(dataclasses.replace(band, problem=problem))
-    assert below.get_xlabel() == "length of the pendulum (m)"
-    assert lines(below)["bob"].get_xdata() == pytest.approx(band.pendulum.length * factors["length"])
-    with pytest.raises(ValueError, match="must have conditions that differ in one quantity"):
-        plot_conditions(single)
 
 
 def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, under_pulses):
@@ -75,11 +47,6 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
         rest = ["at rest at the end"] if runs.cluster is None else []
         assert rows[2:] == ["overturned", *rest, *(f"tilt, {part.label}" for part in parts)]
         assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
-    ended = dataclasses.replace(runs.with_pendulum, outcome=np.full(len(runs.group), code_of(Status.rest)))
-    decided = dataclasses.replace(runs, with_pendulum=ended)
-    resting = dataclasses.replace(under_pulses.best, deciding_runs=decided, reported_runs=None)
-    ax = plot_benefit(dataclasses.replace(under_pulses, validated=(resting,)))
-    assert "at rest at the end" in [t.get_text() for t in ax.get_yticklabels()]
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
         plot_benefit(dataclasses.replace(band, validated=()))
 

@@ -19,9 +19,7 @@ CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(a
     ("scene", "pendulum"),
     [
         (examples.SCENE, examples.PENDULUM),
-        (CHIMNEY, tpd.Pendulum(mass=2e3, length=10.0, damping_ratio=0.1)),
         (CHIMNEY, tpd.Pendulum(mass=2e3, length=0.5, damping_ratio=0.1)),
-        (CHIMNEY, tpd.Pendulum(mass=658.0, length=0.55, damping_ratio=0.5967)),
         (CHIMNEY, None),
     ],
 )
@@ -49,23 +47,12 @@ def said(scene, pendulum, **how) -> str:
     return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
 
 
-def test_a_drawing_states_excitation_and_swing():
-    pulse = dataclasses.replace(CHIMNEY, excitation=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
-    for scene, base, swing in (
-        (CHIMNEY, "±0.15 m\nat 0.8 Hz", "settled"),
-        (pulse, "ground motions", "largest"),
-    ):
-        whole, detail = plot_scene(scene, examples.PENDULUM, swing=0.5).figure.axes
-        assert any(text.get_text().endswith(f"base: {base}") for text in whole.texts)
-        assert any(text.get_text().startswith(f"{swing} swing ±0.5 rad") for text in detail.texts)
-
-
 CAVE = dataclasses.replace(
     examples.SCENE, block=dataclasses.replace(examples.SCENE.block, cavity_width=0.085)
 )
 
 
-@pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=2000.0)])
+@pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0)])
 def test_the_drawing_shows_the_pendulum_as_built(bob):
     whole, detail = plot_scene(CAVE, examples.PENDULUM, swing=0.2, bob=bob).figure.axes
     whole.figure.canvas.draw()
@@ -95,25 +82,6 @@ def test_the_drawing_states_the_clearance_and_the_angle_of_wall_contact():
     assert f"clearance at this swing: {number(1e3 * (clearance - rod * np.sin(0.05)), 3)} mm" in text
     assert f"wall contact at ±{np.arcsin(clearance / rod):.3g} rad" in text
     assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
-
-
-def test_a_bob_without_a_suitable_rod_is_not_labelled_as_built():
-    slow = tpd.Pendulum(mass=400.0, length=0.12, damping_ratio=0.1)
-    assert np.isnan(Bob().built(400.0, 0.12, CAVE.gravity)).all()
-    assert "no such body\n(0.12 m in the equations)" in said(CHIMNEY, slow)
-
-
-def test_the_plot_of_a_design_shows_its_bob_and_swing(single, under_pulses):
-    detail = tpd.plot(single, "drawing").figure.axes[1]
-    assert any(f"settled swing ±{single.swing:.3g} rad" in t.get_text() for t in detail.texts)
-    with pytest.raises(ValueError, match="`ax` must be None for a drawing"):
-        tpd.plot(single, "drawing", ax=detail)
-    with pytest.raises(
-        ValueError, match="must be one of landscape, drawing, benefit, conditions, motion, but"
-    ):
-        tpd.plot(single, "groups")
-    with pytest.raises(ValueError, match="must be one of landscape, drawing, benefit, but is 'motion'"):
-        tpd.plot(under_pulses, "motion")
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])

@@ -7,12 +7,10 @@ import pytest
 from matplotlib.patheffects import TickedStroke
 
 import tpd
-from tpd.answers.fragility import Curve, Fragility, fit_lognormal
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.design.optimise import Designs
 from tpd.plots.style import new_axes
 from tpd.records.intensity import spectral_acceleration
-from tpd.scene.hazard import Measure
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(
@@ -64,11 +62,6 @@ def test_a_fold_curve_has_ticks_on_the_side_without_orbits():
     own = tpd.plot(turned)
     assert tick_angle(own) == 90.0
     assert own.get_xlabel().startswith("mass ratio")
-    own.figure.canvas.draw()
-    empty = dataclasses.replace(
-        curve, **{n: getattr(curve, n)[:0] for n in ("points", "tangents", "gradients")}
-    )
-    tpd.plot(empty).figure.canvas.draw()
 
 
 def test_spectra_can_be_plotted_and_tabulated():
@@ -95,44 +88,3 @@ def test_the_plot_of_a_record_shows_its_peaks_and_spectrum():
     assert sizes[20] == pytest.approx(spectral_acceleration(record, periods[20]) / 9.80665)
     own = [new_axes() for _ in range(4)]
     assert list(tpd.plot(record, ax=own)) == own
-
-
-def curve(counts) -> Curve:
-    hit = np.arange(4)[:, None] < np.array(counts)
-    stripes, total = np.array([1.0, 2.0, 3.0]), np.full(3, 4)
-    fit = fit_lognormal(stripes, hit.astype(float), np.arange(4))
-    shares = np.array(counts) / 4.0
-    return Curve("overturned", shares, np.array(counts), total, np.array([0, 1, 0]), fit, (1.0, 2.0))
-
-
-FRAGILITY = Fragility(
-    "PGA",
-    np.array([1.0, 2.0, 3.0]),
-    "m/s^2",
-    ("a", "b", "c", "d"),
-    4,
-    tuple({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
-    None,
-    np.zeros((2, 4, 3)),
-    np.arange(4),
-    Measure("PGA", 1.0),
-    {},
-    None,
-)
-
-
-def test_a_fragility_can_be_plotted_and_has_a_row_for_every_stripe():
-    ax = tpd.plot(FRAGILITY)
-    assert ax.get_xlabel() == "PGA (m/s^2)"
-    few = dataclasses.replace(FRAGILITY, earthquakes=4)
-    many = dataclasses.replace(FRAGILITY, earthquakes=5)
-    curves = [sum(len(line.get_xdata()) == 300 for line in tpd.plot(f).lines) for f in (few, many)]
-    assert curves == [0, 2]
-    with pytest.raises(ValueError, match="`state` must be one of overturned, but is 'half'"):
-        tpd.plot(FRAGILITY, "half")
-    table = FRAGILITY.to_dataframe()
-    assert table["case"].tolist() == ["without_pendulum"] * 3 + ["with_pendulum"] * 3
-    assert table["stripe"].tolist() == [1.0, 2.0, 3.0] * 2
-    assert table["counts"].tolist() == [0, 2, 4, 0, 1, 3]
-    assert table["undecided"].tolist() == [0, 1, 0] * 2
-    assert set(table["state"]) == {"overturned"}

@@ -6,15 +6,12 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from tests.plots import examples
-from tpd.plots.animation import animate
-from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.drawing import plot_design
 from tpd.plots.landscape import plot_landscape
-from tpd.plots.response import plot_motions, plot_response
-from tpd.plots.style import CASES, LABELS, edge, in_degrees, legend, new_axes, saved
+from tpd.plots.response import plot_motions
+from tpd.plots.style import LABELS, in_degrees, legend, new_axes, saved
 from tpd.scene.parameters import NAMES
 from tpd.scene.quantities import QUANTITIES
 
@@ -33,28 +30,6 @@ def test_picture_files_are_reproducible_and_keep_text_as_text():
     assert saved(ax.figure).startswith(b"\x89PNG")
     (degrees,) = ax.child_axes
     assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
-
-
-def test_the_label_of_an_edge_lies_on_its_longest_part():
-    ax, x = new_axes(), np.linspace(0.0, 1.0, 11)
-    edge(ax, x, x, np.add.outer(0.0 * x, x - 0.5), "limit", 0.5)
-    (name,) = ax.texts
-    assert name.get_text() == "limit"
-    assert name.xy == pytest.approx((0.5, 0.5), abs=0.1)
-
-
-def test_two_axes_share_the_horizontal_scale_and_an_empty_legend_is_omitted():
-    above, below = new_axes(2)
-    below.set_xlim(0.0, 7.0)
-    assert above.get_xlim() == (0.0, 7.0)
-    legend(above)
-    assert above.get_legend() is None
-
-
-def test_both_cases_can_be_distinguished_without_colour():
-    without, pendulum = CASES
-    assert all(without[key] != pendulum[key] for key in ("marker", "ls", "mfc"))
-    assert all(label.endswith(")") for label in LABELS.values())
 
 
 HOSTILE = {
@@ -77,13 +52,8 @@ HOSTILE = {
     "interactive": True,
 }
 """Settings of a user that change or break a picture: no TeX is installed here that has all packages."""
-RESPONSE = examples.response(0.1, 0.2, 0.3)
 PICTURES: dict[str, Any] = {
-    "response": lambda _: plot_response((RESPONSE,), 2.5),
     "motions": lambda _: plot_motions(examples.HISTORIES, 0.25),
-    "front": lambda _: plot_front(examples.FRONT),
-    "benefit": plot_benefit,
-    "conditions": plot_conditions,
     "landscape": plot_landscape,
     "drawing": plot_design,
 }
@@ -113,16 +83,6 @@ def test_matplotlib_settings_of_a_user_do_not_change_a_picture(name, band):
         found = pictures(lambda: PICTURES[name](band))
         assert dict(matplotlib.rcParams) == before
     assert [kind for kind in usual if usual[kind] != found[kind]] == []
-
-
-def test_films_and_user_axes_do_not_depend_on_matplotlib_settings():
-    film = examples.SCENE, examples.PENDULUM, examples.HISTORIES
-    usual = animate(*film)
-    with matplotlib.rc_context(HOSTILE):
-        assert animate(*film) == usual
-        ax = Figure().subplots()
-        plot_front(examples.FRONT, ax)
-        assert not any(text.get_usetex() for text in ax.get_legend().get_texts())
 
 
 def test_every_number_that_can_be_varied_has_a_label():

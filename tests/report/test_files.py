@@ -14,6 +14,8 @@ from tpd.design.problem import Problem
 from tpd.report.blocks import Code, Section
 from tpd.report.files import add_to, motion_csv, response_csv, write
 
+DATA = ("report.txt", "design.json", "report.json", "scene.toml", "response.csv", "motion.csv", "trials.csv")
+
 
 def stub(name: str, *_) -> bytes:
     """Return an empty picture in the format of a file."""
@@ -30,17 +32,8 @@ def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monke
     toml = "[block]\nwidth = 0.1\n"
     written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml, overwrite=True)
     names = [path.name for path in written]
-    data = [
-        "report.txt",
-        "design.json",
-        "report.json",
-        "scene.toml",
-        "response.csv",
-        "motion.csv",
-        "trials.csv",
-    ]
     drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
-    assert names == [*data, *drawn, "animation.gif", "report.html"]
+    assert names == [*DATA, *drawn, "animation.gif", "report.html"]
     head, rows = read((tmp_path / "out" / "trials.csv").read_text())
     assert head[:3] == ["mu", "lam", "zeta"]
     np.testing.assert_array_equal(np.array(rows)[:, :3].astype(float), harmonic().trials.designs)
@@ -162,15 +155,7 @@ def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_pat
     job = harmonic(), details(), {}, "[block]"
     then = lambda _: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
     written = write(tmp_path, *job, overwrite=True, then=then, warn=said.append)
-    assert set(there) == {
-        "report.txt",
-        "design.json",
-        "report.json",
-        "scene.toml",
-        "response.csv",
-        "motion.csv",
-        "trials.csv",
-    }
+    assert set(there) == set(DATA)
     assert said == ["search.png is not drawn: latex was not able to process"]
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}

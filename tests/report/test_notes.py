@@ -94,22 +94,6 @@ def test_overturning_from_rest_is_a_danger_unless_the_pendulum_prevents_more():
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
 
 
-def test_the_note_on_overturning_names_the_stated_condition():
-    design = harmonic()
-    conditions, without = design.conditions, design.problem.without_pendulum
-    n, stated = len(conditions), (conditions.factor_rows() == 1.0).all(axis=1)
-    assert stated.sum() == 1
-    same = dataclasses.replace(without, status=np.where(stated, "overturned", "rocking"))
-    problem = dataclasses.replace(design.problem)
-    vars(problem)["without_pendulum"] = same
-    best = dataclasses.replace(design.validated[-1], exact=same)
-    both = dataclasses.replace(design, problem=problem, validated=(*design.validated[:-1], best))
-    note = only(both, "OVERTURNS")
-    assert f"under 1 of {n} conditions, among them the stated one, and without it under 1." in note.text
-    assert "causes overturning under 0, and" in note.text
-    assert note.severity is Severity.note
-
-
 def test_a_note_counts_the_runs_without_a_result():
     runs = harmonic().runs
     outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)

@@ -1,6 +1,5 @@
 """A report as a page, also from its stored data."""
 
-import re
 from html.parser import HTMLParser
 
 import msgspec
@@ -90,15 +89,6 @@ def test_only_the_first_section_is_open_and_dangers_have_a_css_class():
     tags = read(page).tags
     assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
     assert [at for tag, at in tags if tag == "details"] == [{"open": None}, {}]
-    # Pictures are printed in their own size, in which their words have 8 points.
-    # Pictures of a printed page are small enough for two, and the pages have numbers.
-    assert "figure img, .first img { max-height: 92mm; }" in page
-    assert "counter(page)" in page
-    # A reader of a dark screen gets a dark page. A printed page is always white.
-    assert "@media screen and (prefers-color-scheme: dark)" in page
-    # Folded on the screen, all sections are printed.
-    assert "details::details-content { content-visibility: visible" in page
-    assert re.findall(r"([^{};]*)\{ display: none", page.partition("@media print")[2]) == ["\n  .animated "]
     assert page.index("5\u00a0kg") < page.index("<details")
     assert ("p", {"class": "verdict danger"}) in read(html(report(danger("no")), {})).tags
 
@@ -112,14 +102,6 @@ def test_cells_are_escaped_and_numbers_are_right_aligned():
     for part in ("<i>", "<b>", "</p>", "a & b"):
         assert part in reader.text
     assert reader.text.count("–") == 2
-
-
-def test_wide_tables_scroll_without_their_captions():
-    page = html(of(Table(("a", "b", "c", "d"), (("1", "2", "3", "4"),), "caption")), {})
-    assert read(page).text.count("Scroll sideways to see all columns") == 1
-    assert "caption" not in page[page.index('<div class="wide"') : page.index("</div>")]
-    assert '<p class="caption">caption</p>' in page
-    assert "Scroll sideways" not in html(of(Table(("a",), (("1",),))), {})
 
 
 def test_figures_without_a_file_are_left_out_of_the_page():

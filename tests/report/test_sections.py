@@ -5,16 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.report.conftest import (
-    DESIGNS,
-    LITTLE,
-    STRIKES,
-    against,
-    details,
-    ground,
-    harmonic,
-    rejected,
-)
+from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
 from tpd.design.as_built import Details
 from tpd.design.reasons import DesignStatus
 from tpd.report import sections, words
@@ -154,12 +145,3 @@ def test_dangers_precede_other_reasons_for_a_rejection():
     assert table.rows[0][-1] == f"{STRIKES}; {LITTLE}"
     calm = dataclasses.replace(harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None)
     assert [sections.over_runs(calm), sections.limiting(calm), sections.searched(calm, ())] == [[], [], []]
-
-
-def test_each_level_of_ground_motions_has_a_row():
-    runs = ground().runs
-    found = rows(sections.over_runs(ground())[0])
-    for i, scale in enumerate((2, 3)):
-        cases = (case.of(np.arange(i, 4, 2)) for case in (runs.with_pendulum, runs.without_pendulum))
-        expected = tuple(str(case.share_overturned) for case in cases)
-        assert found[f"overturned, {scale} (PGA over g tan(alpha))"] == expected
