@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tests.reference import EventDriven, matrices, parameters
+from tests.reference import matrices
 from tpd import Parameters
 from tpd.scene import impacts
 from tpd.theory import holding_moment
@@ -124,19 +124,6 @@ def test_rates_of_the_nonlinear_models_satisfy_the_lagrangian(s, sigma, terms):
         rates = equations.rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
         np.testing.assert_allclose(rates[:2], y[2:], rtol=0)
         np.testing.assert_allclose(full(s, terms)(*y, *rates[2:], tau, sigma), 0.0, atol=1e-13)
-
-
-@pytest.mark.parametrize("terms", list(Terms))
-@pytest.mark.parametrize("s", SIGNS)
-def test_the_moment_that_holds_a_block_balances_its_acceleration(s, terms):
-    x, t = (0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3), 0.4
-    kind = {"nonlinear": terms is Terms.nonlinear, "parametric": terms is Terms.parametric}
-    loop, equations = EventDriven(x, **kind), Equations(parameters(x), terms)
-    for y in np.random.default_rng(9).normal(scale=0.3, size=(5, 4)) * [1.0, 1.0, 0.0, 1.0]:
-        # Friction of just this size leaves the block as it is.
-        friction = loop.excess(t, y, float(s)) / loop.k
-        rates = equations.rates(jnp.asarray(y), float(s), friction, math.sin(loop.xi * t))
-        np.testing.assert_allclose(rates, loop.held(t, y), atol=1e-13)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.8])
