@@ -12,7 +12,7 @@ from tpd import Parameters, simulate
 from tpd.theory import equivalent_friction, free_motion, one_harmonic_branches, turning_tilts
 
 NAMES = ("nu", "mu", "lam", "xi")
-MOTIONS = ((0.2, 0.01, 1.0, 2.0), (0.25, 0.2, 0.8, 3.0), (0.3, 0.01, 0.05, 2.5))
+MOTIONS = (0.2, 0.01, 1.0, 2.0), (0.25, 0.2, 0.8, 3.0), (0.3, 0.01, 0.05, 2.5), (0.15, 0.1, 2.0, 1.3)
 
 
 def still(nu, mu, lam, xi):
