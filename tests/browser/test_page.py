@@ -153,24 +153,13 @@ def test_the_page_stays_responsive_while_runs_are_simulated(show):
     while "overturn with your" not in text_of(window, "runs-text"):
         assert time.monotonic() < end
         time.sleep(0.1)
-    assert not window.errors
-
-
-def test_the_map_of_shares_states_its_values_and_figures_stay_white(show):
-    window = show("chimney")
+    window.run("document.getElementById('reset').click()")
     own = r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is"
     for name, is_valid in (("mass", True), ("frequency", False)):
         move(window, name, 900)
-        # The map holds for one frequency.
+        # The map of shares holds for one frequency and one damping ratio.
         assert bool(re.match(own, text_of(window, "shares-text"))) is is_valid
-    for scheme in ("light", "dark"):
-        features = [{"name": "prefers-color-scheme", "value": scheme}]
-        window.ask("Emulation.setEmulatedMedia", features=features)
-        colour = window.run("getComputedStyle(document.body).color")
-        assert (min(map(int, re.findall(r"\d+", colour)[:3])) > 128) == (scheme == "dark")
-        figure = window.run("getComputedStyle(document.getElementById('shares')).backgroundColor")
-        assert figure.endswith("(255, 255, 255)")
-    window.ask("Emulation.setEmulatedMedia", features=[])
+    assert not window.errors
 
 
 def test_every_control_changes_a_result_and_can_be_reset(show):
@@ -188,10 +177,8 @@ def test_a_number_out_of_range_is_set_to_the_bound_with_a_notice(show):
     low, high = (window.run(f"tpdPage.control('mass').{end}") for end in ("low", "high"))
     for words, value, used in (("1e9", high, "3256"), ("-5", low, "162.8"), ("", low, "162.8")):
         assert type_in(window, "mass", words) == value
-        sentence = (
-            f"Mass of the bob must be from 162.8 to 3256 kg, but is {words or 'empty'}: {used} is used."
-        )
-        assert text_of(window, "notice") == sentence
+        sentence = "Mass of the bob must be from 162.8 to 3256 kg, but is"
+        assert text_of(window, "notice") == f"{sentence} {words or 'empty'}: {used} is used."
     assert type_in(window, "push", "1.4") == 0.9
     assert "Initial tilt over the slenderness must be from -0.9 to 0.9" in text_of(window, "notice")
     assert type_in(window, "mass", "600") == 600.0
@@ -218,10 +205,8 @@ def test_stored_runs_are_shown_only_near_their_design(show):
     verdict = text_of(window, "verdict")
     assert verdict.startswith("RECOMMENDED")
     move(window, "mass", 100)
-    assert (
-        text_of(window, "verdict")
-        == f"Verdict of the report, which does not hold for the values below: {verdict}"
-    )
+    sentence = f"Verdict of the report, which does not hold for the values below: {verdict}"
+    assert text_of(window, "verdict") == sentence
     assert row(window, "overturned")[0] == row(window, "mean")[0] == "not simulated"
     window.run("document.getElementById('reset').click()")
     assert row(window, "overturned") == (value, source)
@@ -236,15 +221,13 @@ def test_a_click_sets_mass_and_length_only_within_the_axes_of_the_map(show):
     window.run("document.getElementById('map').scrollIntoView()")
     box = window.run("document.getElementById('map').getBoundingClientRect().toJSON()")
     x, y = (area["left"] + area["right"]) / 2, (area["top"] + area["bottom"]) / 2
-    ends = [
-        [window.run(f"tpdPage.control('{name}').{end}") for end in ("low", "high")] for name in CONTROLS[:2]
-    ]
+    controls = [window.run(f"tpdPage.control('{name}')") for name in CONTROLS[:2]]
     for place in ((x, y), (1.0, 1.0)):
         for kind in ("mousePressed", "mouseReleased"):
             at = {"x": box["left"] + place[0], "y": box["top"] + place[1], "button": "left", "clickCount": 1}
             window.ask("Input.dispatchMouseEvent", type=kind, **at)
         values = [window.run(f"tpdPage.state.{name}") for name in CONTROLS[:2]]
-        assert values == pytest.approx([(low * high) ** 0.5 for low, high in ends], rel=0.02)
+        assert values == pytest.approx([(x["low"] * x["high"]) ** 0.5 for x in controls], rel=0.02)
 
 
 def test_the_animation_rocks_pauses_and_restarts_from_a_tilt(show):

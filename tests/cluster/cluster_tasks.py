@@ -1,11 +1,8 @@
-"""Tasks for tests of clusters, in a module that workers import; as a command, a sweep to be killed."""
+"""Tasks for tests of clusters, in a module that workers import."""
 
-import sys
 import time
 
 import numpy as np
-
-from tpd.cluster.cluster import Cluster
 
 STEP = 0.05
 """Seconds of a chunk."""
@@ -23,16 +20,3 @@ def slowly_squared(part, seconds):
     time.sleep(seconds)
     x, y = part["x"], part["y"]
     return {"square": x**2 * part["z"], "pair": np.stack([np.sqrt(x), y], axis=1), "even": x % 2 == 0}
-
-
-if __name__ == "__main__":
-    with Cluster(sys.argv[1], workers=2) as cluster:
-        cluster.map(
-            "squares",
-            # By the name that other processes know it by.
-            __import__("tests.cluster.cluster_tasks", fromlist=["x"]).slowly_squared,
-            batch(4000),
-            (STEP,),
-            chunk=128,
-            progress=lambda done, _: print(done, flush=True),
-        )

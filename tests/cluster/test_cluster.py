@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
@@ -97,24 +96,6 @@ def test_a_batch_is_complete_after_a_worker_is_killed(tmp_path):
     assert same(found, by_hand(4000))
 
 
-def test_a_killed_sweep_can_be_resumed(tmp_path):
-    """A process that sweeps is killed at some moment; another one finishes, and no chunk is lost."""
-    command = [sys.executable, "-m", "tests.cluster.cluster_tasks", str(tmp_path)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    # Its first line follows the first chunk.
-    assert process.stdout.readline()
-    time.sleep(np.random.default_rng(0).uniform(0.0, 6.0 * STEP))
-    process.kill()
-    process.communicate()
-    kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/*.npz")}
-    assert 0 < len(kept) < 32
-    with Cluster(tmp_path, workers=1) as opened:
-        found = opened.map("squares", slowly_squared, batch(4000), (STEP,), chunk=128)
-    assert same(found, by_hand(4000))
-    assert len(list(tmp_path.glob("*/*.npz"))) == 32
-    assert all(path.stat().st_mtime_ns == time for path, time in kept.items())
-
-
 WHOLE = {i: {"x": np.full(4, float(i)), "y": np.ones((4, 2, 3), np.int8)} for i in range(3)}
 
 
@@ -190,15 +171,6 @@ def test_workers_of_another_version_are_rejected(cluster, monkeypatch):
     monkeypatch.setattr("tpd.cluster.cluster.environment_fingerprint", lambda: "another")
     with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
         cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
-
-
-def test_two_callers_can_share_one_cluster(cluster, tmp_path):
-    def call(name):
-        with Cluster(tmp_path / name, dask=cluster.client.scheduler.address) as opened:
-            return opened.map("both", slowly_squared, batch(600), (STEP / 4,), chunk=32)
-
-    with ThreadPoolExecutor() as callers:
-        assert all(same(found, by_hand(600)) for found in callers.map(call, "ab"))
 
 
 def test_a_command_with_workers_writes_the_results_of_one_process(tmp_path, capsys):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Parameters, Piecewise, Smoothed, Status, in_chunks, steady_state
+from tpd import Status, in_chunks
 from tpd.core.batch import CHUNK, UNEVEN, aside, prepare, shared
 from tpd.core.batch import _chunk as default_chunk
 
@@ -115,16 +115,6 @@ def test_functions_of_uneven_cost_get_small_chunks():
     assert default_chunk(answer, X) == CHUNK
 
 
-def test_the_default_chunk_is_small_only_for_jax_loops():
-    for model, chunk in ((Smoothed(), UNEVEN), (Piecewise(), CHUNK)):
-
-        def solved(f, model=model):
-            p = Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.05, f=f, xi=3.0)
-            return steady_state(p, model=model)
-
-        assert default_chunk(solved, np.array([0.3, 0.4])) == chunk
-
-
 def test_an_error_of_the_function_is_raised_and_arrays_of_different_lengths_are_rejected():
     with pytest.raises(ZeroDivisionError):
         in_chunks(lambda x: 1 / 0, X, chunk=64)
@@ -189,6 +179,8 @@ def test_no_piece_of_work_begins_after_ctrl_c():
 
     with pytest.raises(KeyboardInterrupt):
         shared(run, 2000, 2, interrupt, piece=(1, 1))
+    with pytest.raises(ZeroDivisionError):
+        shared(lambda first, last: 1 // (first < 20), 100, 2, None)
     # As many as began while the others were handed in.
     assert len(begun) < 1000
 
@@ -215,13 +207,3 @@ def test_every_row_is_computed_once_in_pieces_of_allowed_size(workers, n):
     assert sorted(pieces)[1:] == [] or min(sorted(pieces)[1:]) >= 2
     assert calls[-1] == (n, n)
     assert [c for c, _ in calls] == sorted(c for c, _ in calls)
-
-
-def test_an_error_in_a_thread_is_raised():
-    def run(first, last):
-        if first > 20:
-            raise OSError("no more")
-        return last - first
-
-    with pytest.raises(OSError, match="no more"):
-        shared(run, 100, 2, None)

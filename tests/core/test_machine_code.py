@@ -48,11 +48,6 @@ def test_damaged_code_is_compiled_again_with_a_warning(folder, end, way):
     assert hits() == 1
 
 
-def test_a_typing_error_of_a_function_is_raised(folder):
-    with pytest.raises(numba.TypingError):
-        stored(lambda x: x.nothing, numba.njit, "float64(float64)")
-
-
 SMALL = """
 import numba
 from tpd.core.machine_code import stored
@@ -106,15 +101,6 @@ def test_code_that_cannot_be_stored_is_compiled_with_a_warning(folder, monkeypat
     with pytest.warns(UserWarning, match=why) as said:
         assert hits() == 0
     assert len(said) == 1
-
-
-def test_no_cache_is_written_to_the_working_folder_without_a_home(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(core.files, "_WARNINGS", set())
-    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
-    with pytest.warns(UserWarning, match="there is no home"):
-        assert hits() == 0
-    assert not list(tmp_path.iterdir())
 
 
 def new_wave(kind):
@@ -173,8 +159,18 @@ def test_the_usual_compiler_of_numba_is_used_if_a_private_name_is_missing(owner,
     assert machine_code._can_compile_parts()
 
 
-def test_without_the_module_of_the_cache_code_is_compiled_every_time(folder, monkeypatch):
-    monkeypatch.delattr(numba.core, "caching")
-    monkeypatch.setitem(sys.modules, "numba.core.caching", None)
-    with pytest.warns(UserWarning, match="every run compiles it"):
-        assert hits() == 0
+def test_without_a_home_or_numbas_cache_code_is_compiled_every_time(folder, monkeypatch):
+    for name in ("home", "cache"):
+        with monkeypatch.context() as hidden:
+            hidden.chdir(folder)
+            hidden.setattr(core.files, "_WARNINGS", set())
+            if name == "home":
+                hidden.setattr(numba.config, "CACHE_DIR", "")
+                hidden.setattr(os.path, "expanduser", lambda path: path)
+            else:
+                hidden.delattr(numba.core, "caching")
+                hidden.setitem(sys.modules, "numba.core.caching", None)
+            words = "there is no home" if name == "home" else "every run compiles it"
+            with pytest.warns(UserWarning, match=words):
+                assert hits() == 0
+        assert not list(folder.iterdir())

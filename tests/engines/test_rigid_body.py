@@ -1,10 +1,7 @@
-"""Models as text: MuJoCo's as MuJoCo reads it; that of OpenSees by an interpreter of Tcl with stubs, and its
-motion where openseespy is installed."""
+"""Models as text: MuJoCo's as MuJoCo reads it; that of OpenSees by an interpreter of Tcl with stubs."""
 
 import math
-import re
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -112,53 +109,3 @@ def test_opensees_models_exist_for_every_excitation_and_without_pendulum():
     assert max(map(len, text.splitlines())) <= 110
     with pytest.raises(ValueError, match="sliding"):
         opensees(paper, sliding=0.0)
-
-
-def by_opensees(text: str, folder) -> dict[str, np.ndarray]:
-    """Columns that the model writes when openseespy runs it."""
-    try:
-        import openseespy.opensees as ops
-    except (ImportError, RuntimeError) as error:
-        pytest.skip(f"openseespy: {error}")
-    tcl = tkinter.Tcl()
-
-    def plain(word):
-        try:
-            return [int(x) if re.fullmatch(r"-?\d+", x) else float(x) for x in word.split()]
-        except ValueError:
-            return [word]
-
-    def forward(name, *words):
-        # The Python interface has another word for the first argument of `model`.
-        words = ("basic", *words[1:]) if name == "model" else words
-        found = getattr(ops, name)(*(x for word in words for x in plain(word)))
-        return "" if found is None else found
-
-    def pattern(kind, tag, *words):
-        if kind != "Plain":
-            forward("pattern", kind, tag, *words)
-            return
-        ops.timeSeries("Linear", 99)
-        ops.pattern("Plain", int(tag), 99)
-        tcl.eval(words[1])
-
-    for name in (*STUBS, "analyze", "getTime", "nodeDisp"):
-        tcl.createcommand(name, partial(forward, name))
-    tcl.createcommand("pattern", pattern)
-    tcl.eval(re.sub(r"-file (\w+)", rf"-file {folder}/\1", text))
-    ops.wipe()
-    return {path.stem: np.loadtxt(path) for path in folder.glob("*.out")}
-
-
-def test_opensees_reproduces_the_motion_of_the_linear_model(tmp_path):
-    from tpd.answers.motion_history import motion_history
-
-    found = by_opensees(opensees(SCENE, PENDULUM), tmp_path)
-    ours = motion_history(SCENE, PENDULUM, times=np.linspace(0.0, 2.0, 201))
-    tilt, swing = (np.interp(ours.times, *found[name].T) for name in ("tilt", "rod"))
-    for theirs, linear in ((tilt, ours.tilt), (swing, ours.swing)):
-        # The contact is elastic, and tpd's history here is linear in the tilt: phases part with time.
-        assert np.abs(theirs).max() == pytest.approx(np.abs(linear).max(), rel=0.08)
-        assert np.abs(theirs - linear).max() < 0.2 * np.abs(linear).max()
-    # At rest in the end, weight alone presses both corners in alike.
-    np.testing.assert_allclose(found["corners"][-1, [2, 4]], -0.5e-4 * 3.0 * 1.1, rtol=0.01)

@@ -12,7 +12,7 @@ def test_samples_are_read_back_and_damaged_files_are_rejected(tmp_path):
     check(tmp_path, "csmip_v1", "csmip_v2", "coalinga_1983_cut.V2", "ridgecrest_2019_cut.RAW")
 
 
-def test_peaks_names_and_events_of_real_csmip_files_are_those_of_their_headers():
+def test_real_csmip_files_have_the_values_of_their_headers():
     for name, dt, digit, peaks in (
         # Peaks (m/s^2) as printed in the headers of the files, with the digits that are printed there.
         ("coalinga_1983_cut.V2", 0.02, 5e-6, (2.67957, 0.94805, 2.56231)),

@@ -1,7 +1,5 @@
 """What holds for every block and pendulum under a harmonic: energy, reversal, scales, thresholds and runs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -128,18 +126,3 @@ def test_runs_do_not_depend_on_threads_or_batch(equations):
     two = outcomes(p, ensemble=ensemble, equations=equations, workers=2)
     for name in ("outcome", "tilt", "settled_tilt", "swing", "settled_swing"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
-
-
-@bounded(20)
-@given(st.integers(0, 10**6), st.integers(2, 40))
-def test_the_samples_of_an_ensemble_follow_its_seed_and_widths(seed, size):
-    ensemble = Ensemble(size=size, seed=seed)
-    draws = ensemble.draws()
-    assert draws.shape == (size, 14)
-    assert np.all((draws >= 0.0) & (draws < 1.0))
-    np.testing.assert_array_equal(draws, replace(ensemble).draws())
-    # The first run is the nominal one; the others are of a Latin hypercube: one in a row of every column.
-    assert np.all(draws[0, :4] == 0.5)
-    assert np.all(draws[0, 6:] == 0.5)
-    rows = np.sort(np.floor(draws[1:] * size), axis=0)
-    assert np.all(np.diff(rows, axis=0) > 0.0)

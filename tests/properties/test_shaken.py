@@ -1,10 +1,8 @@
 """What holds for a block with its pendulum under any record: laws of the equations, and of their data."""
 
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
-import jax
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -154,33 +152,3 @@ def test_the_error_of_a_sampled_sine_falls_with_the_square_of_the_step(share, ma
         apart.append(abs(sampled.tilt - exact.tilt))
     assert apart[0] / apart[1] == pytest.approx(4.0, rel=0.06)
     assert apart[1] / apart[2] == pytest.approx(4.0, rel=0.06)
-
-
-@jax.jit
-@partial(jax.value_and_grad, has_aux=True)
-def _tilt(factors, scene, pendulum):
-    scale, width, length = factors
-    block = replace(scene.block, width=scene.block.width * width)
-    with_it = replace(pendulum, length=pendulum.length * length)
-    found = transient(Scene(block, scene.excitation.scaled(scale)), with_it, free=FREE)
-    return found.tilt, found.status
-
-
-@bounded(25)
-@given(shaken)
-def test_a_derivative_of_the_tilt_equals_its_difference_quotient(case):
-    scene, pendulum = made(case)
-    (value, status), slope = _tilt(np.ones(3), scene, pendulum)
-    assume(status_name(status) == "rocked")
-    assert np.all(np.isfinite(slope))
-    for i in range(3):
-        quotients = []
-        for step in (2e-6, 1e-6):
-            up, down = np.ones(3), np.ones(3)
-            up[i], down[i] = 1.0 + step, 1.0 - step
-            sides = (float(_tilt(x, scene, pendulum)[0][0]) for x in (up, down))
-            quotients.append(np.subtract(*sides) / (2.0 * step))
-        scale = abs(quotients[1]) + float(value)
-        # Where two steps disagree an event comes or goes between them: there is no quotient to compare with.
-        assume(abs(quotients[0] - quotients[1]) < 1e-6 * scale)
-        assert float(slope[i]) == pytest.approx(quotients[1], abs=1e-5 * scale)

@@ -1,4 +1,4 @@
-"""Every status of a motion is reached by a scene, and its sentence says what happened and what to do."""
+"""Every status of a motion is reached by a scene."""
 
 from collections.abc import Callable
 from typing import Any

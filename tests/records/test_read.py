@@ -9,7 +9,7 @@ import pytest
 from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, knet, peer, shaking, smc
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
-from tpd.formats.channel import UNKNOWN, Remark
+from tpd.formats.channel import UNKNOWN
 from tpd.records import el_centro, read
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
@@ -45,20 +45,6 @@ def test_built_in_records_and_sets_are_read_by_name(monkeypatch):
         read_motions(["fema-p695"])
     with pytest.raises(ValueError, match="the name of a record must not be empty"):
         read_motions([" "])
-
-
-def test_every_horizontal_record_of_a_folder_is_read(tmp_path):
-    folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
-    (tmp_path / "quakes" / "inner").mkdir()
-    (tmp_path / "quakes" / "two\nlines.txt").write_text("x")
-    found, said = read_motions([folder])
-    assert len(found) == 1
-    left = "inner (a folder in a folder); two lines.txt (no motion); up.asc (vertical component)"
-    assert said[0] == f"left out: {left}"
-    # A channel that is chosen is used, vertical or not.
-    both, said = read_motions([folder], channel=0)
-    assert len(both) == 2
-    assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
 
 
 def test_records_without_an_earthquake_count_as_one_unless_their_events_are_stated(tmp_path):
@@ -99,18 +85,6 @@ def test_two_sensors_of_a_station_count_as_one_pair(tmp_path, monkeypatch):
     assert "A_00HHE (another sensor of the station counts)" in said[0]
 
 
-def test_a_name_like_that_of_a_vertical_component_gets_a_warning(tmp_path):
-    for name, is_noted in (("Zone Z", 1), ("Site5V", 1), ("a.HNZ", 1), ("b_vertical", 1), ("made", 0)):
-        path = tmp_path / f"{name}.csv"
-        path.write_text(nameless(1, "acc"))
-        found, said = read_motions([str(path)])
-        assert len(found) == 1
-        assert sum("may be that of a vertical component" in line for line in said) == is_noted
-        # The content of the file decides.
-        path.write_text(nameless(1, "N"))
-        assert read_motions([str(path)])[1] == []
-
-
 def test_records_without_direction_are_reported(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(nameless(0, "acc"))
@@ -118,6 +92,9 @@ def test_records_without_direction_are_reported(tmp_path):
     (record,), said = read_motions([str(path)])
     assert UNKNOWN in record.notes
     assert said == []
+    (tmp_path / "b_vertical.csv").write_text(nameless(0, "acc"))
+    (said,) = read_motions([str(tmp_path / "b_vertical.csv")])[1]
+    assert "may be that of a vertical component" in said
     assert "1 of 2 records state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
     with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` selects a vertical one"):
@@ -180,41 +157,39 @@ def test_an_earthquake_is_recognised_in_files_of_all_formats(tmp_path):
     assert len(set(events_of(found))) == 1
 
 
-KINDS = {"ACC": "ACCELERATION", "VEL": "VELOCITY", "DIS": "DISPLACEMENT"}
-
-
 def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_path):
-    texts, wave = {}, 300.0 * shaking(100)
-    for kind, name in KINDS.items():
-        text = NS.replace("DATA_TYPE: ACCELERATION", f"DATA_TYPE: {name}")
-        texts |= {f"{stream}_{kind}": text.replace("HNE", stream) for stream in ("HNE", "HNN", "HNZ")}
+    wave, expected = 300.0 * shaking(100), {}
+    texts = {f"{stream}_ACC": NS.replace("HNE", stream) for stream in ("HNE", "HNN", "HNZ")}
     for name in ("VELOCITY", "DISPLACEMENT"):
-        texts[f"peer{name}_txt"] = peer(1e-3 * wave, 0.01).replace("ACCELERATION TIME", f"{name} TIME")
-        block = cosmos(wave, 0.01).replace("acceleration pts", f"{name.lower()} pts")
-        texts[f"cosmos{name}_V2c"] = block
-        texts[f"smc{name}_smc"] = smc(wave, 0.01).replace("2 CORRECTED ACCELEROGRAM", f"3 {name}")
+        kinds = {
+            f"{name}_VEL": NS.replace("DATA_TYPE: ACCELERATION", f"DATA_TYPE: {name}"),
+            f"{name}_txt": peer(1e-3 * wave, 0.01).replace("ACCELERATION TIME", f"{name} TIME"),
+            f"{name}_V2c": cosmos(wave, 0.01).replace("acceleration pts", f"{name.lower()} pts"),
+            f"{name}_smc": smc(wave, 0.01).replace("2 CORRECTED ACCELEROGRAM", f"3 {name}"),
+        }
+        texts |= kinds
+        expected |= {key.replace("_", "."): name.lower() for key in kinds}
     texts["a_V3"] = "RESPONSE AND FOURIER AMPLITUDE SPECTRA\n" + csmip_v2(wave, 0.01)
     texts["b_smc"] = smc(wave, 0.01).replace("2 CORRECTED ACCELEROGRAM", "4 RESPONSE SPECTRA")
     texts["a_V0"] = cosmos(wave, 0.01).replace("units=cm/sec2(04)", "units=counts(50)")
     texts["sheet_xlsx"] = b"PK\x03\x04 xl/workbook.xml"
+    expected |= {
+        "a.V3": "response spectrum",
+        "b.smc": "response spectrum",
+        "a.V0": "counts of the instrument",
+    }
     folder = agency(tmp_path / "all", **texts)
     found, said = read_motions([folder])
     assert [m.source for m in found] == ["HNE.ACC", "HNN.ACC"]
     left = dict(re.findall(r"(\S+) \((.*?)\)(?:;|$)", said[0].removeprefix("left out: ")))
-    expected = {f"{s}.{k}": n.lower() for s in ("HNE", "HNN", "HNZ") for k, n in KINDS.items() if k != "ACC"}
-    for kind in ("VELOCITY", "DISPLACEMENT"):
-        names = (f"peer{kind}.txt", f"cosmos{kind}.V2c", f"smc{kind}.smc")
-        expected |= dict.fromkeys(names, kind.lower())
-    expected |= {"HNZ.ACC": "vertical component", "a.V3": "response spectrum", "b.smc": "response spectrum"}
-    expected |= {"a.V0": "counts of the instrument"}
-    assert left.items() >= expected.items()
+    assert left.items() >= (expected | {"HNZ.ACC": "vertical component"}).items()
     assert "sheet.xlsx (a workbook (.xlsx, .ods, .xls))" in said[0]
     # A file that is named must be a motion, and a folder without one says what it holds.
-    for name in expected.keys() - {"HNZ.ACC"}:
+    for name in expected:
         with pytest.raises(ValueError, match=rf"^{re.escape(name)}: "):
             read_motions([f"{folder}/{name}"])
-    only = agency(tmp_path / "only", HNE_VEL=texts["HNE_VEL"])
-    with pytest.raises(ValueError, match=r"no horizontal record in .* \(left out: HNE.VEL \(velocity\)\)"):
+    only = agency(tmp_path / "only", a_VEL=texts["VELOCITY_VEL"])
+    with pytest.raises(ValueError, match=r"no horizontal record in .* \(left out: a.VEL \(velocity\)\)"):
         read_motions([only])
 
 
@@ -276,14 +251,9 @@ def test_a_record_is_described_in_one_line(tmp_path):
     assert known["notes"] == list(motion.notes)
     assert summary([motion], notes) == {"files": [facts(motion)], "notes": notes}
     # Many are described by one line.
-    many = [
-        Record([0.0, 1.0, -0.1 * i], 0.01 * (1 + i % 2), event=f"E{i % 3}", notes=(Remark("drift", "x"),))
-        for i in range(5)
-    ]
-    assert described(many) == [
-        "records: 5 of 3 earthquakes, 3 samples of 0.01 to 0.02 s, 0.02 to 0.04 s long, PGA 0.102 g; "
-        "notes: drift 5"
-    ]
+    many = [Record([0.0, 1.0, -0.1 * i], 0.01 * (1 + i % 2), event=f"E{i % 3}") for i in range(5)]
+    size = "3 samples of 0.01 to 0.02 s, 0.02 to 0.04 s long, PGA 0.102 g"
+    assert described(many)[0].startswith(f"records: 5 of 3 earthquakes, {size}")
     assert described([]) == []
 
 
@@ -305,7 +275,7 @@ BESIDE = {
     "results.csv": "case,tilt\nA,0.1\nB,0.2\n",
     "share.csv": "scale,share\n0.1,0.2\n0.2,0.3\n",
     "ids.txt": "1\n2\n3\n",
-    "empty.txt": "",
+    "two\nlines.txt": "x",
     "noise.bin": "\x00\x01\x02abc",
 }
 """Files that people have beside their records."""
@@ -313,15 +283,22 @@ BESIDE = {
 
 def test_unused_files_of_a_folder_are_listed(tmp_path):
     folder = tmp_path / "quake"
-    folder.mkdir()
+    (folder / "inner").mkdir(parents=True)
     for name, text in BESIDE.items():
         (folder / name).write_text(text)
     for name in ("a.csv", "threadmeasured.csv"):
         (folder / name).write_text(nameless(len(name)))
+    (folder / "up.asc").write_text(NS.replace("HNE", "HNZ"))
     (folder / "broken.csv").symlink_to(tmp_path / "nothing")
     found, said = read_motions([str(folder)])
     assert [m.source for m in found] == ["a.csv", "threadmeasured.csv"]
-    assert [name for name in (*BESIDE, "broken.csv") if f"{name} (" not in said[0]] == []
+    assert [name for name in (*BESIDE, "broken.csv") if f"{' '.join(name.split())} (" not in said[0]] == []
+    assert "inner (a folder in a folder)" in said[0]
+    assert "up.asc (vertical component)" in said[0]
+    # A channel that is chosen is used, vertical or not.
+    both, said = read_motions([str(folder)], channel=0)
+    assert len(both) == 3
+    assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
     # A damaged record is an error, also in a folder.
     (folder / "bad.csv").write_text("time (s),acc (g)\n0.00,0.1\n0.01,x\n")
     with pytest.raises(ValueError, match=r"^bad.csv: line 3 must contain numbers"):

@@ -2,8 +2,6 @@
 
 import itertools
 
-import pytest
-
 from tpd import Record
 from tpd.scene.earthquakes import STATED, is_one
 from tpd.scene.ground_motion import Pulse, events_of
@@ -34,23 +32,14 @@ PAIRS = (
 )
 
 
-def test_all_spellings_of_one_earthquake_are_equal():
-    assert [pair for pair in itertools.permutations(VALLEY, 2) if not is_one(*pair)] == []
+def test_texts_of_equal_and_different_earthquakes_are_distinguished():
+    pairs = {pair[:2]: pair[2] for pair in PAIRS} | dict.fromkeys(itertools.permutations(VALLEY, 2), True)
+    for (first, second), expected in pairs.items():
+        assert is_one(first, second) is is_one(second, first) is expected
 
 
-@pytest.mark.parametrize(("first", "second", "expected"), PAIRS)
-def test_texts_of_equal_and_different_earthquakes_are_distinguished(first, second, expected):
-    assert is_one(first, second) is expected
-    assert is_one(second, first) is expected
-
-
-def test_records_without_an_earthquake_count_as_one_and_stated_names_as_they_are():
-    def record(i, event="", notes=()):
-        return Record([0.0, 1.0, -0.1 * i, 0.3 * i**2], 0.01, event=event, notes=notes)
-
-    assert len(set(events_of([record(1), record(2), record(3, "A"), record(4)]))) == 2
-    same_day = ("A 2023-02-06", "B 2023-02-06")
-    assert len(set(events_of([record(i, event) for i, event in enumerate(same_day)]))) == 1
-    assert len(set(events_of([record(i, event, (STATED,)) for i, event in enumerate(same_day)]))) == 2
-    pulses = [Pulse.one_sine(acceleration=1.0, frequency=f) for f in (1.0, 2.0)]
-    assert len(set(events_of(pulses))) == 2
+def test_stated_names_of_one_day_and_pulses_count_separately():
+    for notes, count in (((), 1), ((STATED,), 2)):
+        records = [Record([0.0, 1.0, i], 0.01, event=f"{i} 2023-02-06", notes=notes) for i in (2, 3)]
+        assert len({*events_of(records)}) == count
+    assert len({*events_of([Pulse.one_sine(acceleration=1.0, frequency=f) for f in (1.0, 2.0)])}) == 2

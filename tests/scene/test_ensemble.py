@@ -28,5 +28,7 @@ def test_initial_states_fill_their_ranges_and_the_first_is_at_rest():
     # One in each sixteenth of every range, but for the one at rest.
     cells = np.floor((states[1:] / [0.1, 0.3, 0.08, 0.2] + 1.0) * 8.0)
     assert all(len(set(column)) == 15 and {0, *column} <= set(range(16)) for column in cells.T)
-    with pytest.raises(ValueError, match=r"`tilt` must be zero or positive, and finite, but is -0\.1"):
-        Starts(tilt=-0.1)
+    draws = Ensemble(size=16, seed=5).draws()
+    # The first run is the nominal one; the others are of a Latin hypercube: one in a row of every column.
+    assert np.all(draws[0, [0, 1, 2, 3, 6, 13]] == 0.5)
+    assert np.all(np.diff(np.sort(np.floor(draws[1:] * 16), axis=0), axis=0) > 0.0)

@@ -139,10 +139,7 @@ def test_19_lacks_a_sign_and_a_factor_in_the_phase():
     (found,) = sp.solve(before - after, sine)
     printed = K * (1 + XI**2) * s / (F * c)
     assert sp.simplify(found + printed / XI) == 0
-    mended, as_printed = (
-        paper.quarter_crossing(WITHOUT),
-        paper.printed_quarter_crossing(WITHOUT),
-    )
+    mended, as_printed = (f(WITHOUT) for f in (paper.quarter_crossing, paper.printed_quarter_crossing))
     value = float(printed.subs({K: 0.05, F: 0.1, XI: 2.0}))
     np.testing.assert_allclose(np.sin(mended.gamma), -value / 2, rtol=1e-12)
     assert value > 1, "as printed there would be no such motion"
@@ -268,18 +265,13 @@ def test_27_has_four_misprints():
     mended = {"inertia": 4 + NU**2, "push": 1 + 2 * MU, "pull": EIGHT_THIRDS / sp.pi}
     assert same(right, row_1(**mended))
     for name in mended:
-        others = {key: value for key, value in mended.items() if key != name}
-        assert not same(right, row_1(**others)), name
+        assert not same(right, row_1(**{k: x for k, x in mended.items() if k != name})), name
     assert same(right_bob, -2 * RHO * XI**2 * PHI + (1 - LAM * RHO * XI**2) * PSI + F)
     assert not same(block, row_1(**mended)), "and the sign of Phi and f is the other one"
-    check_printed_27(row_1())
-
-
-def check_printed_27(row):
     p = Parameters(nu=0.15, mu=0.1, lam=0.4, zeta=0.0, k=0.0, f=0.1, xi=2.0)
     values = {NU: p.nu, MU: p.mu, LAM: p.lam, RHO: p.inertia_ratio, XI: p.xi}
     for sign, phi, psi in zip((1, -1), *paper.printed_pendulum_balance(p), strict=True):
-        left = row.subs(values | {F: sign * p.f, PHI: float(phi), PSI: float(psi)})
+        left = row_1().subs(values | {F: sign * p.f, PHI: float(phi), PSI: float(psi)})
         assert abs(float(left)) < 1e-14
         bob = -2 * p.inertia_ratio * p.xi**2 * phi + (1 - p.lam * p.inertia_ratio * p.xi**2) * psi
         assert float(bob) == pytest.approx(-sign * p.f, rel=1e-12)

@@ -23,19 +23,15 @@ def test_the_relative_length_is_the_squared_ratio_of_the_periods():
     cycles = np.linspace(0.0, 1.0, 4001)
     sine = Record(acceleration=np.cos(2 * np.pi * cycles), dt=1 / frequency / 4000)
     assert relative_length(length, sine) == pytest.approx(4.0 * expected, rel=1e-5)
-    assert relative_length(length, sine, gravity=1.62) == pytest.approx(
-        4.0 * expected * 9.80665 / 1.62, rel=1e-5
-    )
-    slope = jax.grad(lambda dt: relative_length(1.2, Record(acceleration=[0.0, 1.0, -1.0, 0.0], dt=dt)))
-    assert slope(0.1) == pytest.approx(
-        -20 * relative_length(1.2, Record([0.0, 1.0, -1.0, 0.0], 0.1)), rel=1e-12
-    )
+    on_moon = relative_length(length, sine, gravity=1.62)
+    assert on_moon == pytest.approx(4.0 * expected * 9.80665 / 1.62, rel=1e-5)
 
+    def of_step(dt):
+        return relative_length(1.2, Record([0.0, 1.0, -1.0, 0.0], dt))
 
-def test_a_length_of_zero_is_rejected():
-    pulse = Pulse.one_sine(acceleration=1.0, frequency=1.0)
+    assert jax.grad(of_step)(0.1) == pytest.approx(-20 * of_step(0.1), rel=1e-12)
     with pytest.raises(ValueError, match="`length` must be positive and finite, but is 0"):
-        relative_length(0.0, pulse)
+        relative_length(0.0, sine)
 
 
 def overturning_scale(block: Block, pulse: Pulse, pendulum: Pendulum | None) -> float:
@@ -47,7 +43,7 @@ def overturning_scale(block: Block, pulse: Pulse, pendulum: Pendulum | None) -> 
     return np.inf
 
 
-@pytest.mark.parametrize("kind", ["one_sine", "one_cosine", "ricker"])
+@pytest.mark.parametrize("kind", ["one_sine", "ricker"])
 def test_a_pendulum_of_longer_period_than_the_pulse_does_not_ease_overturning(kind):
     block = Block(width=0.8, height=4.0, mass=4000.0, restitution="housner")
     harm = {}
