@@ -79,6 +79,7 @@ CASES = {
     "limits": {
         "limits": (limits.Stroke(0.3), limits.Clearance(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))
     },
+    "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space in SI units": {"space": tpd.DesignSpace(mass=(0.5, 2.0), length=(0.05, 0.3))},
     "requirements": {
         "requirements": limits.Requirements(at_least=0.2, reduce="tilt", wall_contacts=0.05),
