@@ -124,19 +124,6 @@ def test_slopes_equal_the_derivatives_of_the_forcing_at_the_fold():
     assert curve.gradients[middle] == pytest.approx([slopes["xi"], -1.0], rel=1e-12)
 
 
-def test_a_fold_curve_over_the_hinge_height_has_the_fold_of_each_height():
-    p = scene(2)
-    curve = fold_curve(p, "kappa", "f")
-    for i in (1, len(curve.points) // 2, -2):
-        here = at(p, curve, curve.points[i])
-        found = bifurcations(here, "f", 0.95 * here.f, 1.05 * here.f, samples=20)
-        (known,) = [b for b in found if b.kind is Kind.fold]
-        assert known.value == pytest.approx(here.f, rel=1e-10)
-        slope = known.slopes["kappa"]
-        assert curve.gradients[i] == pytest.approx([slope, -1.0], rel=1e-7)
-        assert curve.tangents[i, 1] / curve.tangents[i, 0] == pytest.approx(slope, rel=1e-7)
-
-
 def test_a_fold_curve_in_si_units_has_the_folds_of_its_parameters():
     pendulum = Pendulum(mass=100.0, length=1.2, damping_ratio=0.1)
     curve = fold_curve(

@@ -176,7 +176,6 @@ def test_the_strongest_records_have_the_largest_rod_angle_of_surviving_runs():
             {"requirements": tpd.limits.Requirements(wall_contacts=0.2), "ensemble": tpd.Ensemble(size=4)},
             "`ensemble.size` needs harmonics",
         ),
-        ({"ensemble": tpd.Ensemble(periods=40)}, "`ensemble.periods` needs harmonics"),
         (
             {"limits": (tpd.limits.Reserve(),)},
             "`limits` under ground motions must be Stroke, .*Clearance, but has",

@@ -194,7 +194,6 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
     ("scene", "settings", "message"),
     [
         (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is allowed only with harmonics"),
-        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is allowed only with harmonics"),
         (
             SCENE,
             {"conditions": None, "validation_share": 0.5},
@@ -279,12 +278,6 @@ def test_every_design_has_the_fixed_length(harmonic):
     assert np.all(found.search.ends[:, 1] == 0.6)
     assert len(np.unique(found.trials.designs[:, 0])) > 20
     assert not any("length" in bound for bound in found.at_bounds)
-
-
-def test_bounds_in_kg_and_as_ratios_give_equal_spaces(harmonic):
-    mass = SCENE.block.mass
-    space = tpd.DesignSpace(mass=(0.01 * mass, 0.2 * mass), damping_ratio=(0.05, 0.4))
-    assert problem_of(SCENE, space, **designs.SMALL).space == harmonic.problem.space
 
 
 def test_optimise_all_has_one_design_per_block_with_named_status():
