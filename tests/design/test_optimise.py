@@ -329,6 +329,8 @@ def test_a_search_finds_the_design_between_two_limits_that_no_trial_keeps():
             "space": {"mass": [100.0, 1000.0], "length": 0.8, "damping_ratio": [0.05, 0.6]},
             "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
             "limits": {"mass": 600.0},
+            "ensemble": {"size": 1024},
+            "search": {"searches": 2, "screening": 128},
         }
     )
     found = tpd.optimise(job.scene, **job.settings | {"seed": 2})
