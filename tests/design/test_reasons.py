@@ -47,6 +47,11 @@ FEW = "falls by 99.5 % (too few earthquakes or overturned runs for an interval)"
             {"limit": "reserve", "value": 0.03, "reference": 0.05},
             "reserve: 0.03, but at least 0.05 is allowed$",
         ),
+        (
+            "overturns_more",
+            {"value": 2.0, "reference": 1.0, "total": 9},
+            "of 9 paired runs, the pendulum causes",
+        ),
         # Without enough earthquakes or overturned runs there is no interval.
         ("too_little_benefit", {"value": 0.995, "low": math.nan, "reference": 0.1}, FEW),
         (
@@ -78,6 +83,7 @@ def test_a_reason_prints_enough_digits_to_differ_from_its_limit(kind, given, wor
         ("touches_wall", {"value": 0.27, "reference": 0.01}, 0.26),
         ("overturns_more", {"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
         ("rests_less", {"value": 10.0, "reference": 30.0, "low": 27.0, "total": 40}, 0.425),
+        ("rests_less", {"value": 0.0, "reference": 1.0, "low": 0.9, "total": 1}, 0.9),
         ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
         ("breaks_limit", {"value": 1.2, "reference": 1.0}, 0.2),
         ("breaks_limit", {"limit": "worsening", "value": 0.26, "reference": 0.05}, 0.2),
