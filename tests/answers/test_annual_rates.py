@@ -72,14 +72,6 @@ def test_the_interval_of_the_rate_ratio_has_its_stated_coverage():
     assert inside >= 6
 
 
-def test_the_interval_depends_on_the_seed_and_not_on_the_order_of_records():
-    first, other = rates(outcomes()), rates(outcomes(), seed=1)
-    assert first.ratio == rates(outcomes()).ratio != other.ratio
-    # The two motions of an earthquake change places.
-    swapped = outcomes()[:, np.arange(44) ^ 1]
-    assert rates(swapped).ratio.high == pytest.approx(first.ratio.high, rel=1e-9)
-
-
 def test_the_rate_ratio_of_few_earthquakes_has_no_interval():
     of = rates(outcomes(motions=8))
     assert of.earthquakes == 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 from typing import Any
@@ -134,19 +133,6 @@ def test_an_end_without_a_cause_is_reported_as_unresolved(monkeypatch):
     assert found.kind is Kind.unresolved
     assert "no fold or sticking or grazing was found" in found.reason
     assert abs(found.value - b.value) <= found.error < 1e-7
-
-
-def test_a_bifurcation_that_neighbouring_orbits_contradict_is_not_confirmed(monkeypatch):
-    located = module._located
-
-    def astray(search: Any, gap: Any, kind: Kind) -> Bifurcation | None:
-        b = located(search, gap, kind)
-        return b and dataclasses.replace(b, value=b.value + 0.02)
-
-    monkeypatch.setattr(module, "_located", astray)
-    (found,) = bifurcations(parameters(HELD), "f", 0.3, 0.4, samples=20)
-    assert found.kind is Kind.unresolved
-    assert "do not show it" in found.reason
 
 
 def test_a_sweep_joins_orbits_of_a_continuous_branch():

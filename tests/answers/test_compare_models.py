@@ -1,7 +1,5 @@
 """A design by all models: the answer of each, and what the nonlinear model objects to."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -52,15 +50,6 @@ def test_a_violated_assumption_is_reported():
     assert found.models[0].status == "rocking"
     assert found.objections == ("by the nonlinear model the motion ends overturned",)
     assert str(found).endswith("objection: by the nonlinear model the motion ends overturned")
-
-
-def test_the_one_harmonic_model_has_the_harmonic_balance_or_no_orbit():
-    p = tpd.Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.4, xi=3.0)
-    for f in (0.4, 0.01):
-        found = check(dataclasses.replace(p, f=f), models=("one harmonic",)).models[0]
-        balance = tpd.theory.one_harmonic_branches(dataclasses.replace(p, f=f))
-        assert found.status == ("rocking" if balance.exists[0] else "no_orbit")
-        np.testing.assert_array_equal(found.amplitude, balance.amplitude[0] if balance.exists[0] else np.nan)
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,9 @@ def test_each_cell_equals_the_symmetric_orbit_of_its_design():
 @pytest.mark.filterwarnings("ignore:.* whose acceleration is usually at most 2 g")
 def test_a_map_in_si_units_equals_the_orbits_of_its_scenes():
     m = over_motion()
+    assert str(m).startswith("Design map\n  frequency       6 values, 1 to 5 Hz\n")
     assert set(m.counts) == {"rocking", "rest", "unstable"}
+    assert list(m.counts.values()) == sorted(m.counts.values(), reverse=True)
     for i, j in np.ndindex(3, 6):
         status, amplitude, swing = expected(shaken(frequency=float(m.x[j]), amplitude=float(m.y[i])))
         assert m.status[i, j] == status
@@ -77,6 +79,7 @@ def test_a_map_with_an_initial_state_equals_the_steady_states():
     m = design_map(SCENE, *axes, pendulum=PENDULUM, start=np.zeros(4))
     assert {"rocking", "rest", "overturned"} <= set(m.counts)
     assert m.start == (0.0, 0.0, 0.0, 0.0)
+    assert str(m).startswith("Design map from the initial state (0.0, 0.0, 0.0, 0.0)\n")
     for i, j in np.ndindex(m.status.shape):
         motion = replace(SCENE.excitation, frequency=float(m.x[j]))
         s = steady_state(

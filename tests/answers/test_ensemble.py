@@ -132,15 +132,6 @@ def test_three_quarters_of_the_runs_begin_at_rest_with_either_growth():
     assert not plan(WITH, STILL).disturbed.any()
 
 
-def test_shares_are_stated_for_every_kind_of_initial_state():
-    found = outcomes(WITH, ensemble=tpd.Ensemble(size=64, periods=20))
-    kinds = "from rest, sudden start", "from rest, growth over 10 periods", "after a disturbance"
-    assert tuple(found.starts) == kinds
-    assert np.all(np.sum(list(found.starts.values()), axis=0) == 1)
-    assert found.share_by_start()[kinds[2]] == found.of(found.disturbed).share_overturned
-    assert [name.strip() for name, _ in found.rows()][1:4] == list(kinds)
-
-
 def test_quantiles_count_overturned_runs_as_infinite():
     lost = np.arange(100) < 5
     found = by_hand(np.where(lost, np.inf, 0.4))

@@ -10,7 +10,7 @@ import pytest
 
 from tests.reference import orbits_of
 from tests.theory.test_harmonic_balance import FOLDS
-from tpd import Harmonic, Parameters, Pendulum, Scene, fold_curve, theory
+from tpd import Harmonic, Parameters, Scene, fold_curve, theory
 from tpd.answers.bifurcations import Kind, bifurcations
 from tpd.answers.fold_curve import End, FoldCurve
 from tpd.compiled.columns import CROSSED, MERGED, TURNING
@@ -122,50 +122,6 @@ def test_slopes_equal_the_derivatives_of_the_forcing_at_the_fold():
     assert slopes.pop("f") == pytest.approx(-1.0, rel=1e-12)
     assert known.slopes == pytest.approx(slopes, rel=1e-7, abs=1e-9)
     assert curve.gradients[middle] == pytest.approx([slopes["xi"], -1.0], rel=1e-12)
-
-
-def test_a_fold_curve_over_the_hinge_height_has_the_fold_of_each_height():
-    p = scene(2)
-    curve = fold_curve(p, "kappa", "f")
-    for i in (1, len(curve.points) // 2, -2):
-        here = at(p, curve, curve.points[i])
-        found = bifurcations(here, "f", 0.95 * here.f, 1.05 * here.f, samples=20)
-        (known,) = [b for b in found if b.kind is Kind.fold]
-        assert known.value == pytest.approx(here.f, rel=1e-10)
-        slope = known.slopes["kappa"]
-        assert curve.gradients[i] == pytest.approx([slope, -1.0], rel=1e-7)
-        assert curve.tangents[i, 1] / curve.tangents[i, 0] == pytest.approx(slope, rel=1e-7)
-
-
-def test_a_fold_curve_in_si_units_has_the_folds_of_its_parameters():
-    pendulum = Pendulum(mass=100.0, length=1.2, damping_ratio=0.1)
-    curve = fold_curve(
-        CHIMNEY, "frequency", "amplitude", x_range=(0.8, 3.0), y_range=(0.001, 0.1), pendulum=pendulum
-    )
-    assert len(curve.points) > 20
-    for i in (3, len(curve.points) // 2):
-        frequency, amplitude = map(float, curve.points[i])
-        motion = Harmonic(amplitude=amplitude, frequency=frequency)
-        p = dataclasses.replace(CHIMNEY, excitation=motion).parameters(pendulum)
-        (known,) = [
-            b for b in bifurcations(p, "f", 0.95 * p.f, 1.05 * p.f, samples=20) if b.kind is Kind.fold
-        ]
-        assert known.value == pytest.approx(p.f, rel=1e-10)
-    assert "frequency" in str(curve)
-    assert "Hz" in str(curve)
-
-
-def test_a_fold_curve_can_turn_back_in_a_parameter():
-    curve = fold_curve(scene(1), "xi", "f")
-    signs = np.sign(curve.tangents)
-    assert np.all(signs[:, 0] == signs[0, 0])
-    assert set(signs[:, 1]) == {-1.0, 1.0}
-    # The same curve over exchanged axes turns back in its first parameter.
-    turned = fold_curve(scene(1), "f", "xi")
-    assert set(np.sign(turned.tangents[:, 0])) == {-1.0, 1.0}
-    assert turned.statuses == (End.bound, End.bound)
-    ends = np.sort(turned.points[[0, -1], 1])
-    np.testing.assert_allclose(ends, (0.5, 10.0), rtol=1e-10)
 
 
 def test_a_fold_curve_ends_at_a_cusp():

@@ -1,7 +1,6 @@
 """Fragility: counts of single motions, and what is said of motions without a result."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,26 +59,6 @@ def test_no_block_rocks_below_the_uplift_threshold(found):
     assert all(0.0 <= share < 0.3 for share in found.changed)
     assert "the nonlinear model changes the outcome of" in str(found)
     assert "fewer than 5 earthquakes" not in str(found)
-
-
-def test_the_sentence_on_the_medians_has_every_known_median(found):
-    """Medians that differ in the third digit are printed with it, and those above all stripes with none."""
-
-    def text(medians, p) -> str:
-        pairs = zip(found.cases, medians, strict=False)
-        cases = tuple({"overturned": replace(case["overturned"], fit=fit)} for case, fit in pairs)
-        p_medians = None if p is None else {"overturned": p}
-        return replace(found, cases=cases[: 1 if p is None else 2], p_medians=p_medians).conclusion
-
-    fits = [replace(found.without_pendulum["overturned"].fit, median=x) for x in (7.61, 7.63, math.inf)]
-    assert (
-        text(fits[:2], 0.3) == "The medians 7.61 and 7.63 (overturned) do not differ significantly (p = 0.3)."
-    )
-    assert text(fits[1:], 0.001) == "The medians (overturned) differ significantly (p = 0.001)."
-    assert text(fits[:2], None) == "The median of the state overturned is 7.61."
-    assert text(fits[::2], None) == "The median of the state overturned is 7.61."
-    few = replace(found, earthquakes=4)
-    assert few.conclusion == "With fewer than 5 earthquakes these counts do not predict other earthquakes."
 
 
 def test_the_test_of_the_medians_counts_earthquakes(found):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.benchmarks import quoted, stored
+from tests.benchmarks import stored
 from tests.designs import outcomes, paired
 from tpd.answers.ensemble import outcomes as followed
 from tpd.answers.paired import Decision
@@ -176,6 +176,7 @@ def test_the_benefit_of_no_pair_is_unknown_and_of_one_pair_has_no_interval():
     one = paired([0.2], [0.4])
     assert (one.benefit.mean, one.pairs, one.benefit_in_words) == (0.5, 1, "50 % less tilt")
     assert (one.worse_parts, np.isfinite(one.benefit.low)) == ((), False)
+    assert paired([0.4] * 40, [0.0] * 40).benefit.mean == pytest.approx(-20.0)
 
 
 def test_severity_is_the_tilt_divided_by_nu_and_one_after_overturning():
@@ -271,15 +272,6 @@ def test_rests_less_is_true_if_significantly_fewer_runs_rest(fewer, more, both, 
     with_it = np.array([0.1] * fewer + [0.0] * (more + both) + [0.1] * others)
     without = np.array([0.0] * fewer + [0.1] * more + [0.0] * both + [0.1] * others)
     assert paired(with_it, without).rests_less is less
-
-
-def test_conditional_intervals_of_deciding_runs_contain_the_truth():
-    """A part of the benchmark `quoted`, whose stored results are tested as a whole below."""
-    found = quoted.covered(quoted.Effect("overturning", 0.16), 11, np.random.default_rng(1), 40)
-    assert found["cases"] == 40
-    assert found["covers"] >= 0.9
-    assert found["covers other"] >= 0.9
-    assert found["above"] <= 0.65 < found["above alone"]
 
 
 def test_the_stored_intervals_contain_the_truth_in_nine_of_ten_cases_that_pass():

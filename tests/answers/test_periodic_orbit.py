@@ -253,17 +253,6 @@ def test_an_orbit_under_jit_equals_the_orbit_of_plain_numbers() -> None:
         np.testing.assert_allclose(slopes, found(scene).slopes[1], rtol=1e-9)
 
 
-def test_second_derivatives_of_an_orbit_are_nan() -> None:
-    x, y0 = jnp.array(SCENES[0].x), np.array(SCENES[0].near)
-
-    def answer(x: jax.Array) -> PeriodicOrbit:
-        return periodic_orbit(parameters(x), y0)
-
-    assert np.all(np.isnan(jax.hessian(lambda x: answer(x).amplitude)(x)))
-    assert np.all(np.isnan(jax.jacfwd(lambda x: answer(x).fold)(x)))
-    assert np.all(np.isnan(jax.jacfwd(lambda x: jnp.abs(answer(x).multipliers))(x)))
-
-
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])
 def test_symmetric_orbits_are_periodic_orbits(kind: str) -> None:
     same = np.array([0, 2, 3, 4, 5])

@@ -11,7 +11,7 @@ import pytest
 import tpd
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
 from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
-from tpd.answers.response import Branches, frequencies
+from tpd.answers.response import Branches, frequencies, window
 from tpd.scene.quantities import Setup
 from tpd.theory.no_uplift import uplift
 
@@ -117,3 +117,7 @@ def test_a_response_plot_distinguishes_stable_and_unstable_branches():
         shown = {y for line in lines for y in line.get_ydata()}
         known = s.amplitude[((s.status == "rocking") == stable) & (s.branch >= 0)]
         assert set(known[np.isfinite(known)]) <= shown
+
+
+def test_the_runs_near_a_frequency_lie_within_five_per_cent():
+    assert window(2.0) == pytest.approx((1.9, 2.1))

@@ -233,3 +233,13 @@ def test_the_paired_test_uses_the_least_favourable_unknown_outcomes():
             both_known.flat[unknown] = outcome
             values.append(mcnemar(*both_known)[0])
         assert mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
+
+
+def test_a_change_that_rounds_to_zero_is_printed_as_a_reduction():
+    cases = {
+        (0.25, 0.1, 0.4): (True, "25 %", " (95 % interval 10 to 40 %)"),
+        (-0.004, -math.inf, math.inf): (True, "0 %", ""),
+        (-0.25, -0.4, 0.1): (False, "25 %", " (95 % interval -10 to 40 %)"),
+    }
+    for numbers, words in cases.items():
+        assert Interval(*numbers).fall_in_words() == words

@@ -10,6 +10,7 @@ import pytest
 
 from tests.reference import CONSERVING, LEANING, OVERTURNING, REST, STILL, WITH, exact, orbits_of, parameters
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
+from tpd.answers.steady_state import sampled
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
 from tpd.scene.status import names_of
 from tpd.theory import uplift
@@ -265,3 +266,22 @@ def test_scalars_arrays_and_integers_give_the_result_of_floats():
     found = [settled(given, y0) for given in (x, map(np.asarray, x), jnp.asarray(x), np.array(x))]
     whole = [settled((*x[:6], xi, *x[7:]), np.zeros(4, int)) for xi in (4, 4.0, np.float64(4.0))]
     assert len({(float(s.amplitude), float(s.swing), *map(float, s.state)) for s in [*found, *whole]}) == 1
+
+
+def test_sampled_times_divide_the_first_periods():
+    p = Parameters(nu=0.2, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+    np.testing.assert_allclose(sampled(p, 2, 4), np.linspace(0.0, 2.0, 9) * p.period, rtol=1e-15)
+
+
+def test_a_derivative_in_one_parameter_equals_its_difference_quotient():
+    x, y0 = SCENES["rocking"]
+
+    def amplitude(f):
+        return settled((*x[:5], f, *x[6:]), y0).amplitude
+
+    step = 1e-6 * x[5]
+    quotient = (amplitude(x[5] + step) - amplitude(x[5] - step)) / (2.0 * step)
+    assert jax.grad(amplitude)(x[5]) == pytest.approx(quotient, rel=1e-6)
+    # What is known goes into further computations, and is a leaf of a pytree.
+    doubled = jax.tree.map(lambda leaf: 2 * jnp.asarray(leaf), settled(x, y0))
+    assert doubled.amplitude == 2.0 * amplitude(x[5])

@@ -4,6 +4,7 @@
 
 import dataclasses
 import functools
+import re
 
 import jax
 import numpy as np
@@ -168,3 +169,11 @@ def test_orbits_in_chunks_equal_vmap_and_use_compiled_code(monkeypatch):
     one = dataclasses.replace(p, xi=2.0)
     with pytest.raises(ValueError, match="must be arrays of one length above zero"):
         tpd.in_chunks(tpd.symmetric_orbits, one)
+
+
+def test_the_call_in_the_message_about_a_batch_runs():
+    p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=np.array([2.0, 4.0]))
+    with pytest.raises(ValueError, match="must be single numbers") as refused:
+        tpd.symmetric_orbits(p)
+    (call,) = re.findall(r"`(tpd.in_chunks.*?)`", str(refused.value))
+    assert eval(call, {"tpd": tpd, "p": p}).amplitude.shape == (2, 3)

@@ -223,19 +223,17 @@ def test_derivatives_of_event_times_equal_finite_differences(size, with_it, know
 @pytest.mark.parametrize(
     ("size", "y0", "unknown"),
     [
-        # Nothing lifts; the largest tilt is that of the start; the block overturns.
+        # Nothing lifts; the block overturns.
         (0.5, (0.0, 0.0, 0.0, 0.0), (0, 3, 4)),
-        (0.3, (0.1, 0.0, 0.0, 0.0), (0, 3, 4)),
         (8.0, (0.0, 0.0, 0.0, 0.0), (0, 1, 2, 4)),
     ],
 )
 def test_an_event_time_without_a_derivative_has_nan(size, y0, unknown):
     x = jnp.array([size, 1.2375, 6.0, 450.0, 0.9])
-    for derivative in (jax.jacfwd, jax.jacrev):
-        for slopes in derivative(lambda x, y: times_of(x, y0=y), argnums=(0, 1))(x, jnp.array(y0)):
-            # NaN, and nothing else spoilt by it.
-            assert np.all(np.isnan(slopes[jnp.array(unknown)]))
-            assert np.all(np.isfinite(np.delete(np.asarray(slopes), unknown, 0)))
+    for slopes in jax.jacrev(lambda x, y: times_of(x, y0=y), argnums=(0, 1))(x, jnp.array(y0)):
+        # NaN, and nothing else spoilt by it.
+        assert np.all(np.isnan(slopes[jnp.array(unknown)]))
+        assert np.all(np.isfinite(np.delete(np.asarray(slopes), unknown, 0)))
 
 
 NUMBERS = ("tilt", "swing", "rod_angle", *TIMES[:4])
@@ -257,8 +255,7 @@ def near_fault(shape) -> tpd.Pulse:
 SHAPES = {"record": (lambda x: tpd.Record(x, 0.02), WAVES), "pulse": (near_fault, np.array([2.0, 0.3]))}
 
 
-@pytest.mark.parametrize("kind", SHAPES)
-@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize(("kind", "derivative"), [("record", jax.jacrev), ("pulse", jax.jacfwd)])
 def test_derivatives_in_the_shape_of_a_ground_motion_are_nan_and_change_no_others(kind, derivative):
     motion, shape = SHAPES[kind]
 

@@ -200,18 +200,6 @@ def test_the_message_for_invalid_input_is_one_sentence_with_a_remedy(capsys, tmp
     assert [path.name for path in tmp_path.iterdir()] == ["job.toml"]
 
 
-def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
-    """Check some files; the tests of the reader have more."""
-    for content, message in (
-        ("not json", "is not a design in JSON"),
-        ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 14, but is of 7"),
-    ):
-        (tmp_path / "design.json").write_text(content, encoding="latin-1")
-        for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
-            assert message in rejection(capsys, *command)
-
-
 def test_commands_do_not_overwrite_a_report_without_overwrite(capsys, tmp_path):
     (tmp_path / "used").mkdir()
     paths = [tmp_path / "used" / name for name in ("mine.txt", "table.csv")]

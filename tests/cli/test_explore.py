@@ -9,6 +9,12 @@ from tpd.report import files
 from tpd.report.blocks import Report, Summary, note
 
 
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Pages of small tables."""
+    made.small_tables(monkeypatch)
+
+
 @pytest.fixture
 def report(tmp_path):
     """A directory with the files of a report that count here."""

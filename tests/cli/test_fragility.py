@@ -5,9 +5,7 @@ import re
 import numpy as np
 import pytest
 
-import tpd
 from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
-from tpd.records import el_centro
 from tpd.scene.hazard import HOW_TO
 
 TWO = "--records el-centro loma-prieta --scales 1 4 8"
@@ -45,21 +43,6 @@ def test_options_supply_the_unit_and_time_step_of_a_plain_record(run, tmp_path):
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
     assert "a.VT2 (velocity)" in done.out
-
-
-def test_fragility_prints_accelerations_in_g_with_the_unit(run):
-    done = run("fragility", COLUMN, "--records el-centro --scales 0.2 0.6 --intensity sa --period 0.5")
-    assert (
-        f"fragility over {done.json('fragility.json')['intensity']} (g), 1 motions of one earthquake"
-        in done.out
-    )
-    assert done.json("fragility.json")["unit"] == "g"
-    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
-    how = {"intensity": "sa", "period": 0.5}
-    curves = tpd.fragility(block, [el_centro()], scales=[0.2, 0.6], gravity=9.81, **how)
-    shares = [float(r["shares"]) for r in done.rows("fragility.csv")]
-    assert shares == pytest.approx(curves.columns()["shares"].tolist())
-    assert curves.unit == "g"
 
 
 SITE = """

@@ -12,13 +12,12 @@ import pytest
 import tpd
 from tests.cli.conftest import call
 from tests.formats.synthetic import peer, shaking
-from tests.report.conftest import SCENE, details, harmonic, rejected
+from tests.report.conftest import details, harmonic, rejected
 from tpd.cli import optimise
 from tpd.cli.grammar import TEMPLATES
 from tpd.cli.new import template
 from tpd.design import job as jobs
 from tpd.design.design import FrontPoint
-from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
 from tpd.records.read import facts
 
@@ -83,21 +82,16 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
 
 def test_option_seed_sets_the_seeds_of_search_and_ensemble(run_with, tmp_path):
     (tmp_path / "small.toml").write_text(BAND + "[ensemble]\nsize = 40\n")
-    inputs = [run_with(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
-    runs = [x["ensemble"] for x in inputs]
-    assert [x["seed"] for x in inputs] == [0, 3]
-    assert [ensemble.seed for ensemble in runs] == [0, 3]
-    # The library agrees, with the default ensemble and with another number of runs.
-    for own in (None, tpd.Ensemble(), tpd.Ensemble(size=runs[1].size)):
-        ensemble = problem_of(SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=own).ensemble
-        assert ensemble == replace(runs[1], size=ensemble.size)
-    np.testing.assert_array_equal(tpd.Ensemble().draws(), tpd.Ensemble(seed=0).draws())
-    assert not np.array_equal(runs[1].draws(), runs[0].draws())
     # [ensemble] may have a seed of its own. --seed replaces both seeds.
     (tmp_path / "other.toml").write_text(BAND + "[search]\nseed = 2\n[ensemble]\nseed = 5\n")
-    assert run_with(harmonic(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
-    again = run_with(harmonic(), "--scene out/scene.toml --overwrite --seed 8")[1]
-    assert (again["seed"], again["ensemble"].seed) == (8, 8)
+    for words, seeds in (
+        ("small.toml", (0, 0)),
+        ("small.toml --seed 3", (3, 3)),
+        ("other.toml", (2, 5)),
+        ("out/scene.toml --seed 8", (8, 8)),
+    ):
+        inputs = run_with(harmonic(), f"--overwrite --scene {words}")[1]
+        assert (inputs["seed"], inputs["ensemble"].seed) == seeds
 
 
 def test_exit_status_is_3_if_no_design_is_recommended(run_with):

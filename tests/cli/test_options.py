@@ -80,15 +80,6 @@ def test_options_define_the_same_job_as_a_file(tmp_path, monkeypatch, file, opti
     assert job_of("") == jobs.job_of({})
 
 
-def test_options_override_the_values_of_a_job_file(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    tables = {"block": {"width": 0.15, "height": 0.5, "mass": 20.0}, "search": {"risk": "cvar"}}
-    tables |= {"excitation": {"amplitude": 0.02, "frequency": 2.0}, "conditions": {"amplitudes": [1, 1.1]}}
-    (tmp_path / "job.toml").write_text(jobs.job_of(tables).toml)
-    job = job_of("--scene job.toml --width 0.12 --risk worst --seed 2")
-    assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
-
-
 def test_an_option_in_kg_or_as_a_ratio_replaces_the_range_of_the_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.toml").write_text("[space]\nmass_ratio = [0.02, 0.1]\nlength = 0.1\n")

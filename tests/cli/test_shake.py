@@ -80,15 +80,6 @@ def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, mon
     assert not (tmp_path / "out").exists()
 
 
-def test_shake_compares_the_needed_friction_with_the_friction_of_the_base(run):
-    block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.32 --record el-centro --pga 0.45 --free 1"
-    said = " ".join(run("shake", block, "--mass-ratio 0.05 --pendulum-length 0.5").out.split())
-    assert (
-        "SLIDES WHILE IT ROCKS: the base needs a coefficient of friction of 0.3403 without a pendulum" in said
-    )
-    assert "topples at 0.2965 rad (17°)" in said
-
-
 @pytest.mark.parametrize(
     ("tilts", "sentence"),
     [

@@ -37,3 +37,11 @@ def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, wi
     said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
     assert ("a base at least" in said) is is_offered
     assert said.endswith("; no wider base prevents uplift") is not is_offered
+
+
+def test_the_sentence_on_alternatives_has_sizes_rounded_up_to_two_digits():
+    said = str(Alternatives(1234.0, 1.21, 0.5, 1.0, np.array([1.51, 2.0]), 0.05, 3.0))
+    assert said.startswith("a tie at the top for at least 1.3 kN, a base at least 1.3 m wide with a coeffic")
+    # At an acceleration of 3 m/s^2 the displacement is 3 (2/(2 pi))^2 m.
+    assert "with 5 % damping and a period of at least 2 s (displacement 0.31 m) for all 2 motions, or" in said
+    assert "or at least 1.8 s (displacement 0.24 m) for half" in said

@@ -17,28 +17,12 @@ from tpd.design.as_built import (
     pull_test,
     time_histories,
 )
-from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Scene
-from tpd.theory import turning_tilts
 
 
 def free_block(**losses):
     block = tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)
     return Scene(block, Harmonic(amplitude=0.0, frequency=1.0))
-
-
-def test_turning_tilts_of_free_rocking_equal_the_simulated_ones():
-    """The exact solution of the linear model from a tilt of a tenth of nu, without shaking."""
-    scene = free_block(friction=0.02, restitution=0.95)
-    p = as_arrays(scene.parameters())
-    nu, k, e = float(p.nu), float(p.k), float(p.velocity_ratio)
-    turns, times = turning_tilts(nu, k, e, 0.1 * nu, 6)
-    # Just before and after a turn the tilt is smaller, at the turn it is the closed form's.
-    around = np.sort(np.concatenate([[0.0], times[1:5], times[1:5] - 0.01, times[1:5] + 0.01]))
-    found = tpd.simulate(p, np.array([0.1 * nu, 0.0, 0.0, 0.0]), around, model=tpd.Piecewise())
-    tilt = np.abs(np.asarray(found.ys)[1:, 0]).reshape(4, 3)
-    np.testing.assert_allclose(tilt[:, 1], turns[1:5], rtol=1e-9)
-    assert np.all(tilt[:, 1] >= tilt[:, [0, 2]].max(axis=1))
 
 
 def test_the_pull_test_counts_the_impacts_until_half_of_the_tilt():

@@ -162,24 +162,6 @@ def test_no_design_is_returned_if_none_can_keep_a_limit():
     assert found.refusals[0].startswith("the design exceeds the limit on stroke: ")
 
 
-@pytest.mark.parametrize(
-    ("space", "fixed"),
-    [
-        (tpd.DesignSpace(mass_ratio=0.1, damping_ratio=(0.05, 0.4)), {0: 0.1}),
-        (tpd.DesignSpace(mass_ratio=0.1, length_ratio=(0.1, 1.0), damping_ratio=0.3), {0: 0.1, 2: 0.3}),
-    ],
-    ids=["mass", "only the length varies"],
-)
-def test_fixed_parameters_remain_fixed(space, fixed):
-    here = corrected(space=space)
-    best = here.best([])
-    assert best is not None
-    for column, value in fixed.items():
-        assert {float(x[column]) for x in here.designs} == {value}
-    ends = here.equivalent(best)
-    assert ends is None or np.all((ends[0] <= best) & (best <= ends[1]))
-
-
 @dataclasses.dataclass(frozen=True)
 class Rod(tpd.limits.Limit):
     """Limit of a user on the length, which does not depend on the motion."""

@@ -55,14 +55,6 @@ def test_in_a_cavity_a_heavy_bob_on_a_shorter_rod_is_preferred_to_a_light_bob_on
     assert products[keeps].max() < 1.03 * np.sqrt(guess[0]) * np.cbrt(guess[1])
 
 
-def test_the_first_guess_is_followed_in_the_quoted_runs_only(ground):
-    """The runs of the search records do not stand beside a share of the validation runs."""
-    guess = follow_guess(ground.problem, ground.runs)
-    assert len(guess.runs.outcome) == ground.runs.pairs < len(ground.runs.rows)
-    every = ground.problem.validation_runs(first_guess(ground.problem), ground.runs.with_pendulum.seed)
-    np.testing.assert_array_equal(guess.runs.tilt, every.tilt[ground.runs.rows])
-
-
 def test_a_space_that_excludes_the_length_of_the_rule_has_no_first_guess(harmonic):
     problem = harmonic.problem
     space = tpd.DesignSpace(length_ratio=(0.01, 0.02))

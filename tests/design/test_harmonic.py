@@ -1,6 +1,7 @@
 """Problems under harmonic excitation: defaults, exact motions, and the runs that evaluate and validate."""
 
 import dataclasses
+import tomllib
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tests.design.conftest import BAND, SCENE, WIDE
 from tpd.answers.attractors import StartKind
 from tpd.core.progress import unreported
 from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
+from tpd.design.job import job_of
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 from tpd.limits import DEFAULT_LIMITS
@@ -129,17 +131,6 @@ def test_descents_use_a_part_of_many_conditions_and_the_runs_use_all():
     assert np.all((found.designs >= low - 1e-12) & (found.designs <= high + 1e-12))
 
 
-def test_trial_runs_use_the_linear_equations_and_their_seed():
-    made = problem(conditions=BAND, **POINT)
-    one, again, other = (made.trial_runs(DESIGN, seed) for seed in (1, 1, 2))
-    assert (one.equations, len(one.tilt), one.seed) == ("linear", 32, 1)
-    np.testing.assert_array_equal(one.settled_tilt, again.settled_tilt)
-    assert not set(one.nu[1:]) & set(other.nu[1:])
-    more = made.trial_runs(DESIGN, 1, "nonlinear")
-    assert (more.equations.value, len(more.outcome)) == ("nonlinear", 32)
-    assert made.value_of(one) == pytest.approx(np.mean(one.severity))
-
-
 def test_validation_runs_use_half_of_the_ensemble_and_the_nonlinear_equations():
     events, made = [], problem(conditions=BAND, requirements=tpd.limits.Requirements(worse=0.2), **POINT)
     found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))
@@ -164,3 +155,12 @@ def test_excitations_are_ordered_by_the_bob_angle():
     found = made.strongest_motions(DESIGN)
     expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)
+
+
+def test_a_job_keeps_the_conditions_of_its_problem_or_is_rejected():
+    conditions = BAND * tpd.Conditions.amplitudes(0.9, 1.05)
+    job = job_of(tomllib.loads(problem(conditions=conditions, limits=tpd.limits.POINT_BOB).job.toml))
+    np.testing.assert_array_equal(job.conditions.factor_rows(), conditions.factor_rows())
+    for wrong in (BAND * BAND, tpd.Conditions.around(SCENE, count=7)):
+        with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
+            _ = problem(conditions=wrong, limits=tpd.limits.POINT_BOB).job

@@ -121,15 +121,6 @@ def test_each_table_of_a_job_becomes_an_object():
     assert job.risk == tpd.Risk.cvar(0.2)
 
 
-def test_a_job_accepts_defaults_without_effect_and_integers_for_floats():
-    listed = {"conditions": {"frequencies": 20, "samples": 64}, "search": {"risk": "cvar", "risk_share": 0.5}}
-    assert jobs.job_of(listed) == jobs.job_of({})
-    motion = {"amplitude": 0.4, "frequency": 1}
-    whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "excitation": motion})
-    assert isinstance(whole.tables["block"]["width"], float)
-    assert whole.scene.block == Block(width=1.0, height=3.0, mass=900.0)
-
-
 def test_keys_that_an_option_replaces_are_dropped():
     risk = {"search": {"risk": "cvar", "risk_share": 0.2}, **BAND}
     for given, over, table, key in (

@@ -122,21 +122,6 @@ def test_runs_without_a_result_are_counted_and_do_not_bias_the_trend():
     assert trials.best_without() is None
 
 
-def test_a_design_without_results_is_ranked_last():
-    class Silent(NoisyProblem):
-        def runs(self, design, seed, equations="linear"):
-            last = design is not None and SPACE.scaled(np.asarray(design))[2] > 0.99
-            return outcomes([np.nan] * 64, design=design) if last else super().runs(design, seed, equations)
-
-    here = Refinement(Silent(**NoisyProblem.of().inputs), unreported, 9)
-    shares = np.random.default_rng(0).random((9, 3)) * [0.4, 1.0, 0.9]
-    shares[4, 2] = 1.0
-    here.evaluate(SPACE.unscaled(shares))
-    assert here.order()[-1] == 4
-    assert here.merit is not None
-    assert len(here.merit.values) == 8
-
-
 def test_proposed_designs_keep_the_limits_that_need_no_run():
     """The body of a heavy bob exceeds its limit on the mass without any motion."""
     mass = 0.12 * float(NoisyProblem.of().scene.block.mass)

@@ -11,7 +11,7 @@ import tpd
 from tests.design.minimax import FREE, LIMITED, STARTS, WORST
 from tests.design.test_orbits import Both, orbits
 from tpd.design.newton import Linearisation
-from tpd.design.search import Ends, SearchStatus, _status, best_apart, descend, first_apart, screened_designs
+from tpd.design.search import Ends, SearchStatus, _status, best_apart, descend, screened_designs
 from tpd.design.search import search as search_designs
 
 
@@ -106,15 +106,6 @@ def test_separated_designs_precede_their_neighbours():
     np.testing.assert_array_equal(best_apart(units, values, 5), [0, 3, 2, 4, 1])
     # Designs that coincide count once.
     np.testing.assert_array_equal(best_apart(units[[0, 0, 2]], values[[0, 0, 2]], 3), [0, 2])
-
-
-def test_first_apart_skips_neighbours_of_earlier_designs():
-    units = np.array([[0.5, 0.5], [0.51, 0.5], [0.9, 0.9], [0.1, 0.1]])
-    order = np.array([1, 0, 3, 2])
-    assert first_apart(units, order, 4) == [1, 3, 2]
-    assert first_apart(units, order, 2) == [1, 3]
-    assert first_apart(units, order, 4, fixed=2) == [1, 0, 3, 2]
-    assert first_apart(units, order[:0], 4) == []
 
 
 OPTIMISERS = {"newton": "newton", "adam": "adam", "own": optax.adam(0.01)}

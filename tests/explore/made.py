@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import tpd
 from tests.designs import SCENE, paired
@@ -14,11 +15,18 @@ from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.design.stored_design import VERSION, StoredDesign
 from tpd.design.validate import Validation
+from tpd.explore import content as module
 from tpd.report.json import json_of
 
 RATIOS = np.array([0.1, 0.6, 0.12])
 EQUIVALENT = np.array([[0.09, 0.58, 0.1], [0.105, 0.61, 0.15]])
 LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1, high=0.06)
+
+
+def small_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the tables of a page have few nodes, because no test reads between them."""
+    for name in ("_COUNTS", "_FINE", "_SHARES"):
+        monkeypatch.setattr(module, name, dict.fromkeys(getattr(module, name), 3))
 
 
 @functools.cache

@@ -37,6 +37,12 @@ BLOCK = {"width": 1.0, "height": 6.0, "mass": 5770.0, "cavity_width": 0.7}
 PULSE = {"block": BLOCK, "excitation": {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 0.5}}
 
 
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Pages of small tables."""
+    made.small_tables(monkeypatch)
+
+
 def values(out: dict) -> dict[str, float]:
     """First values of the controls."""
     return {control["name"]: control["value"] for control in out["controls"]}
@@ -101,7 +107,7 @@ def test_the_runs_of_the_page_equal_validation_runs():
     codes = np.frombuffer(base64.b64decode(share["data"]), "<u2") * share["scale"] / (NONE - 1)
     codes = codes.reshape([len(a["values"]) for a in table["axes"]])
     masses, lengths = (a["values"] for a in table["axes"])
-    for i, j in ((0, 0), (5, 4), (-1, -2)):
+    for i, j in ((0, 0), (1, 2), (-1, -2)):
         pendulum = tpd.Pendulum(mass=masses[i], length=lengths[j], damping_ratio=damping)
         runs = tpd.outcomes(SCENE, pendulum, ensemble=ensemble, conditions=problem.conditions)
         assert codes[i, j] == pytest.approx(runs.share_overturned.value, abs=1e-4)

@@ -42,11 +42,6 @@ def test_the_drawing_is_to_scale_and_complete(scene, pendulum):
         assert not any(box.overlaps(other) for other in words[i + 1 :])
 
 
-def said(scene, pendulum, **how) -> str:
-    """All words of the detail."""
-    return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
-
-
 CAVE = dataclasses.replace(
     examples.SCENE, block=dataclasses.replace(examples.SCENE.block, cavity_width=0.085)
 )
@@ -72,16 +67,6 @@ def test_the_drawing_shows_the_pendulum_as_built(bob):
     assert f"bob, {number(mass)} kg: {bob.shape}" in text
     # The depth is that of the bob at rest, as in the table of the report.
     assert f"depth below the hinge: {number(rod + half)} m" in text
-
-
-def test_the_drawing_states_the_clearance_and_the_angle_of_wall_contact():
-    bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
-    mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
-    clearance = 0.0475 - float(bob.radius(mass))
-    text = said(wide, examples.PENDULUM, swing=0.05, bob=bob)
-    assert f"clearance at this swing: {number(1e3 * (clearance - rod * np.sin(0.05)), 3)} mm" in text
-    assert f"wall contact at ±{np.arcsin(clearance / rod):.3g} rad" in text
-    assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.report.conftest import DESIGNS, LITTLE, against, details, flat, rejected
+from tests.report.conftest import DESIGNS, LITTLE, against, details, flat
 from tpd.design.as_built import Details
-from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.reasons import ReasonKind
 from tpd.report.answer import MOST, answer
-from tpd.report.blocks import Severity
 from tpd.report.summary import verdict
 
 MANY = tuple(
@@ -38,10 +37,3 @@ def test_the_printed_summary_has_at_most_34_lines(kind):
         whole[len(cut[0]) + 1 :],
     )
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))
-
-
-@pytest.mark.parametrize("status", DesignStatus)
-def test_the_printed_summary_begins_with_the_verdict(status):
-    design = replace(rejected(), status=status)
-    assert answer(design, Details()).startswith(flat(verdict(design).marked)[:60])
-    assert verdict(design).severity is Severity.note

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.report.conftest import details, harmonic, rejected, tuned
+from tests.report.conftest import details, harmonic, rejected
 from tpd.design.as_built import Details, TimeHistory
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
@@ -164,15 +164,3 @@ def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_pat
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
         written = tpd.write_report(harmonic(), "~/saved", details=Details())
     assert written[0] == tmp_path / "saved" / "report.txt"
-
-
-def test_a_report_under_records_is_complete_and_can_be_read_back(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "tpd.plots.results.draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"\x89PNG"
-    )
-    names = {path.name for path in tpd.write_report(tuned(), tmp_path)}
-    assert {"report.txt", "design.json", "scene.toml", "trials.csv", "report.html", "drawing.svg"} <= names
-    # The design of a report is read again with its job.
-    stored = tpd.read_design(tmp_path)
-    assert (stored.status, stored.pendulum) == (tuned().status, tuned().pendulum)
-    assert stored.job.tables["excitation"]["records"] == ["loma-prieta"]

@@ -166,3 +166,19 @@ def test_significantly_more_overturning_at_a_nearby_frequency_is_a_danger():
 def test_other_limitations_of_the_result_are_notes(words, exact):
     assert only(changed(exact=dict(exact)), words).severity is Severity.note
     assert not said(harmonic(), words) or "value" in exact
+
+
+def test_the_note_on_overturning_names_the_stated_condition():
+    design = harmonic()
+    conditions, without = design.conditions, design.problem.without_pendulum
+    n, stated = len(conditions), (conditions.factor_rows() == 1.0).all(axis=1)
+    assert stated.sum() == 1
+    same = dataclasses.replace(without, status=np.where(stated, "overturned", "rocking"))
+    problem = dataclasses.replace(design.problem)
+    vars(problem)["without_pendulum"] = same
+    best = dataclasses.replace(design.validated[-1], exact=same)
+    both = dataclasses.replace(design, problem=problem, validated=(*design.validated[:-1], best))
+    note = only(both, "OVERTURNS")
+    assert f"under 1 of {n} conditions, among them the stated one, and without it under 1." in note.text
+    assert "causes overturning under 0, and" in note.text
+    assert note.severity is Severity.note

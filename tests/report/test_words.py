@@ -9,7 +9,6 @@ from tests.report.conftest import harmonic
 from tpd.limits import Clearance, Mass
 from tpd.report import words
 from tpd.scene.bob import Bob
-from tpd.theory.no_uplift import AtRest
 
 PAPER = tpd.paper_scene()
 MARBLE = tpd.Block(width=1.0, height=6.0, mass=9000.0, radius_of_gyration=1.75, restitution=0.9)
@@ -46,20 +45,6 @@ def test_scene_lines_state_the_effective_width_of_the_base():
     block = words.scene_lines(changed(effective_width=0.9))[0]
     assert "0.1 m wide, 0.4 m high, 16.22 kg, rocks on 90 % of its width, cavity 0.08 m wide" in block
     assert "slenderness 0.225; topples at 0.2213 rad" in block
-
-
-def test_the_line_on_friction_reports_sliding_before_uplift():
-    for own, reach, said in (
-        (
-            None,
-            0.2,
-            "the coefficient of friction of the base is at least 0.2 (more may be needed during rocking)",
-        ),
-        (None, 0.4, "during rocking). A dry base may have only 0.3: state `base_friction`"),
-        (0.5, 0.4, "0.35 is needed, the base has 0.5 (more may be needed during rocking)"),
-        (0.1, 0.4, "at 0.1 g, BEFORE UPLIFT: a coefficient of friction of 0.35 is needed"),
-    ):
-        assert AtRest.of(0.3, 0.05, reach, own).sliding_in_words.endswith(said)
 
 
 def test_energy_losses_are_described_by_friction_and_restitution():
