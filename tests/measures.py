@@ -33,11 +33,11 @@ INTERNAL = re.compile(r"(numba\.(core|np|_\w+)|jax\._src|jaxlib|matplotlib\._\w+
 PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 """Names with an underscore that Python documents, of named tuples and enumerations."""
 CEILINGS = {
-    "code lines": 20400,
-    "characters of code": 1020500,
-    "lines of tests": 33250,
-    "lines of benchmarks": 5269,
-    "modules": 187,
+    "code lines": 20050,
+    "characters of code": 1007500,
+    "lines of tests": 28640,
+    "lines of benchmarks": 5265,
+    "modules": 184,
 }
 """Largest values of the measures that grow with what the package can do. They are only lowered. All other
 measures concern the structure."""
