@@ -11,7 +11,8 @@ from tests.designs import BLOCK, noise, records
 from tpd.answers.fragility import fit_lognormal
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind, reduced
+from tpd.design.validate import validate
 from tpd.scene.ground_motion import earthquakes_of, events_of
 
 DESIGN = np.array([0.12, 0.4, 0.5])
