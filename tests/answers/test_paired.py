@@ -258,19 +258,22 @@ def test_harm_after_sudden_starts_is_reported_despite_a_lower_mean():
 
 
 @pytest.mark.parametrize(
-    ("fewer", "more", "both", "others", "less"),
+    ("fewer", "more", "both", "others", "saved", "less"),
     [
-        (5, 0, 0, 400, True),
-        (4, 0, 0, 400, False),
-        (8, 8, 0, 400, False),
-        (8, 0, 41, 400, False),
-        (12, 0, 37, 400, True),
-        (60, 0, 940, 4000, False),
+        (5, 0, 0, 400, 0, True),
+        (4, 0, 0, 400, 0, False),
+        (8, 8, 0, 400, 0, False),
+        (8, 0, 41, 400, 0, False),
+        (12, 0, 37, 400, 0, True),
+        (60, 0, 940, 4000, 0, False),
+        # More runs do not overturn any more.
+        (12, 0, 37, 400, 12, True),
+        (12, 0, 37, 400, 13, False),
     ],
 )
-def test_rests_less_is_true_if_significantly_fewer_runs_rest(fewer, more, both, others, less):
-    with_it = np.array([0.1] * fewer + [0.0] * (more + both) + [0.1] * others)
-    without = np.array([0.0] * fewer + [0.1] * more + [0.0] * both + [0.1] * others)
+def test_rests_less_is_true_if_significantly_fewer_runs_rest(fewer, more, both, others, saved, less):
+    with_it = np.array([0.1] * fewer + [0.0] * (more + both) + [0.1] * (others + saved))
+    without = np.array([0.0] * fewer + [0.1] * more + [0.0] * both + [0.1] * others + [np.inf] * saved)
     assert paired(with_it, without).rests_less is less
 
 

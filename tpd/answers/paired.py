@@ -405,9 +405,15 @@ class PairedRuns(Printed):
 
     @property
     def rests_less(self) -> bool:
-        """Whether significantly fewer runs come to rest with the pendulum, by more than 10 % of them."""
+        """Whether significantly fewer runs come to rest with the pendulum, by more than 10 % of them.
+
+        It is false if the pendulum prevents more runs from overturning than from coming to rest.
+        """
         with_pendulum, without = (runs.is_at_rest[self.is_answered].astype(float) for runs in self._cases)
         fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
+        with_it, without_it = self.only
+        if without_it - with_it > fewer - more:
+            return False
         # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.
         is_above_tolerance = is_positive((1.0 - REST_LOSS) * without - with_pendulum)
         return is_above_tolerance and chance_of(fewer, more) < SIGNIFICANT
