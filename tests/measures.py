@@ -35,7 +35,7 @@ PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 CEILINGS = {
     "code lines": 20050,
     "characters of code": 1007500,
-    "lines of tests": 28645,
+    "lines of tests": 28895,
     "lines of benchmarks": 5265,
     "modules": 184,
 }

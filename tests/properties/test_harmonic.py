@@ -100,6 +100,17 @@ def test_a_motion_settles_at_rest_only_if_the_uplift_margin_is_positive(x):
         assert margin > 0.0
 
 
+@bounded(40)
+@given(designs, st.floats(0.05, 1.0), st.floats(0.1, 1.5))
+def test_a_bob_without_mass_does_not_change_the_block(x, zeta, lam):
+    nu, _, _, _, *others = x
+    one = solve((nu, 0.0, 1.0, 0.1, *others))
+    two = solve((nu, 0.0, lam, zeta, *others))
+    assert one.status == two.status
+    assume(one.status in names_of(SETTLED))
+    assert two.amplitude == pytest.approx(one.amplitude, rel=1e-9)
+
+
 @bounded(30)
 @given(designs)
 def test_a_derivative_of_the_amplitude_equals_its_difference_quotient_or_is_nan(x):

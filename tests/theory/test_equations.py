@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import jax
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tests.reference import matrices
+from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
 from tpd.scene import impacts
 from tpd.theory import holding_moment
@@ -88,8 +88,24 @@ def test_linear_has_the_matrices_of_the_linearised_equations(s):
         rows = [sp.expand(r - q) for r, q in zip(linearised(s), (parametric(s), 0), strict=True)]
         expected = sp.Matrix(rows).jacobian(symbols).subs(numbers())
         np.testing.assert_allclose(matrix, np.array(expected, dtype=float), rtol=1e-14, atol=1e-16)
-    assert Linear(P).c2 ** 2 == pytest.approx(4 * P.zeta**2 * Linear(P).m22, rel=1e-14), "1 is critical"
+
+
+def test_the_mass_determinant_equals_its_short_formula():
+    mass = sp.Matrix(linearised(1)).jacobian(A)
+    assert sp.expand(mass.det() - LAM * RHO * (1 + MU * RHO * NU**2)) == 0
     assert Linear(P).determinant == pytest.approx(np.linalg.det(matrices(Linear(P))[0]), rel=1e-14)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_only_the_neglected_parametric_term_is_of_second_order(s):
+    size = sp.symbols("size")
+    small = {z: size * z for z in (*Q, *V, *A, K, F, NU)}
+    block = sp.expand(linearised(s)[0].subs("sigma", 1) - MU * RHO * NU**2 * A[0])
+    scaled = ((term, term.subs(small, simultaneous=True)) for term in block.as_ordered_terms())
+    degrees = {term: sp.Poly(of, size).monoms()[0][0] for term, of in scaled}
+    higher = sp.Add(*(term for term, degree in degrees.items() if degree > 1))
+    assert sp.expand(higher - parametric(s)) == 0
+    assert set(degrees.values()) == {1, 3}
 
 
 @pytest.mark.parametrize("s", SIGNS)
@@ -126,11 +142,53 @@ def test_rates_of_the_nonlinear_models_satisfy_the_lagrangian(s, sigma, terms):
         np.testing.assert_allclose(full(s, terms)(*y, *rates[2:], tau, sigma), 0.0, atol=1e-13)
 
 
+@pytest.mark.parametrize("terms", list(Terms))
+@pytest.mark.parametrize("s", SIGNS)
+def test_the_moment_that_holds_a_block_balances_its_acceleration(s, terms):
+    x, t = (0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3), 0.4
+    kind = {"nonlinear": terms is Terms.nonlinear, "parametric": terms is Terms.parametric}
+    loop, equations = EventDriven(x, **kind), Equations(parameters(x), terms)
+    for y in np.random.default_rng(9).normal(scale=0.3, size=(5, 4)) * [1.0, 1.0, 0.0, 1.0]:
+        # Friction of just this size leaves the block as it is.
+        friction = loop.excess(t, y, float(s)) / loop.k
+        rates = equations.rates(jnp.asarray(y), float(s), friction, math.sin(loop.xi * t))
+        np.testing.assert_allclose(rates, loop.held(t, y), atol=1e-13)
+
+
+def test_a_damping_ratio_of_one_is_critical_on_a_fixed_support():
+    linear = Linear(Parameters(nu=0.2, mu=0.1, lam=0.7, zeta=1, k=0, f=0, xi=1))
+    assert linear.c2**2 == pytest.approx(4 * linear.m22, rel=1e-14)
+
+
+def energy(linear, bob, y):
+    """Energy over M g b of the linear model without forcing, with `bob` mu lam: row 2 times it makes mass and
+    stiffness symmetric."""
+    phi, psi, dphi, dpsi = y
+    kinetic = linear.m11 * dphi**2 + 2.0 * linear.m12 * dphi * dpsi + bob * linear.m22 * dpsi**2
+    return 0.5 * (kinetic - linear.tilt * phi**2 + bob * psi**2) + linear.weight * jnp.abs(phi)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_energy_is_lost_only_in_the_hinge_and_the_contact(s):
+    for lossy in ({"zeta": 0.0, "k": 0.0}, {"zeta": 0.2, "k": 0.0}, {"zeta": 0.0, "k": 0.05}):
+        p = Parameters(nu=0.23, mu=0.17, lam=0.6, f=0, xi=2.3, **lossy)
+        linear = Linear(p)
+        for y in np.random.default_rng(7).normal(size=(5, 4)):
+            y = jnp.asarray(y).at[0].set(s * abs(y[0]))
+            slope = np.asarray(jax.grad(partial(energy, linear, p.mu * p.lam))(y))
+            rates = np.asarray(linear.rates(y, float(s), float(jnp.sign(y[2])), 0.0))
+            lost = p.k * abs(y[2]) + p.mu * p.lam * float(p.hinge) * (y[2] - y[3]) ** 2
+            scale = np.abs(slope) @ np.abs(rates)
+            assert float(slope @ rates + lost) == pytest.approx(0.0, abs=1e-13 * scale)
+
+
 @pytest.mark.parametrize("e", [1.0, 0.8])
 def test_a_smoothed_impact_loses_the_energy_of_an_impact(e):
     p, width = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.1, k=0.0, f=0.0, xi=2.3, e=e, kappa=1.3), 0.01
-    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa
-    ratio, across = impacts.linear_ratio(*law), 0.3
+    ratio, across = (
+        impacts.linear_ratio(*(law := (p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa))),
+        0.3,
+    )
     tilts = np.linspace(-20.0 * width, 20.0 * width, 4001)
     with_loss, without = (smoothed_rates(dataclasses.replace(p, e=x), width, width) for x in (e, 1.0))
     y = jnp.stack([tilts, 0.0 * tilts, 0.0 * tilts + across, 0.0 * tilts], axis=-1)

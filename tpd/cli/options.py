@@ -37,7 +37,7 @@ class Parser(argparse.ArgumentParser):
     _common: Sequence[str] = ()
     """Names of the arguments in the short help. The first has no hyphens."""
     example = ""
-    """End of the help: an example on a line of its own."""
+    """End of the help: an example in a separate line."""
 
     def __init__(self, **settings: Any) -> None:
         # An abbreviation that is unique today may be ambiguous in the next version.

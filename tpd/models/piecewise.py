@@ -57,7 +57,7 @@ class Compiled(Model):
 
     def settle(self, p: Parameters, y0: State) -> Run:
         """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
-        # By default compiled code has limits of its own; those of the model replace them.
+        # The limits of the model replace the default limits of compiled code.
         forcing = HarmonicForcing(self.max_periods)
         settings = {**self.accuracy, "tolerance": self.tolerance}
         return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
