@@ -33,9 +33,8 @@ from tests.measures import code_of
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
     *("objectives", "descent", "first_guess", "engines", "measurements", "cluster", "intervals", "quoted"),
-    *("guards", "mutations"),
 )
-LONG = ("regret", "objectives", "first_guess", "guards", "mutations")
+LONG = ("regret", "objectives", "first_guess")
 """Benchmarks that `--stale` does not run."""
 OLDER = "older than the code"
 """Mark of a result whose modules have changed. Every page that shows the result repeats the mark."""
