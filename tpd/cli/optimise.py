@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from functools import partial
+from importlib import import_module
+from threading import Thread
 
 from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
@@ -29,6 +31,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     files.today()
     if not (options.quiet or options.json):
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
+    # Matplotlib loads slowly. It loads beside the runs, which are compiled code without Python's lock.
+    Thread(target=import_module, args=("tpd.plots.results",), daemon=True).start()
     with progress.bar_for(not options.quiet) as bar:
         design, points = solve_problem(problem, bar), ()
         # Lighter pendulums make sense only beside a pendulum that passes the validation.
