@@ -225,7 +225,7 @@ def test_a_limit_out_of_range_is_rejected(make, message):
 
 def test_a_limit_on_the_mass_applies_to_the_bob_as_built(geometry):
     design, mass = np.array([0.15, 0.6, 0.35]), 0.15 * SCENE.block.mass
-    body, _ = Bob().built(mass, 0.6 * SCENE.block.half_height, float(SCENE.gravity))
+    body, _ = Bob().built(mass, 0.6 * SCENE.block.centroid, float(SCENE.gravity))
     (size,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(design), geometry, slopes=True)
     assert size.value.shape == (1, 2)
     np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
@@ -243,13 +243,13 @@ def test_a_limit_on_the_mass_applies_to_the_bob_as_built(geometry):
 def test_a_bob_without_equivalent_body_or_below_the_base_exceeds_a_limit(geometry):
     """A disc that turns with its rod has so large a moment of inertia that no thin one acts as the point."""
     disc, design = Bob(shape="cylinder", aspect=0.1), np.array([0.19, 0.3, 0.35])
-    mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.half_height))
+    mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.centroid))
     assert np.isnan(disc.built(mass, length, float(SCENE.gravity))[0])
     assert disc.half_height(mass) < 0.25 * length
     assert np.all(sizes(tpd.limits.Clearance(disc), design, geometry)["thickness"].value > 1.0)
     for lam, fits in ((1.7, True), (1.9, False)):
         found = sizes(tpd.limits.Clearance(), np.array([0.2, lam, 0.35]), geometry)
-        body, rod = Bob().built(0.2 * SCENE.block.mass, lam * SCENE.block.half_height, float(SCENE.gravity))
+        body, rod = Bob().built(0.2 * SCENE.block.mass, lam * SCENE.block.centroid, float(SCENE.gravity))
         depth = rod * np.array(FACTORS["length"]) + Bob().half_height(body * np.array(FACTORS["mass"]))
         np.testing.assert_allclose(found["depth"].value[0], depth / SCENE.block.height)
         assert np.all(found["depth"].value <= 1.0) == fits

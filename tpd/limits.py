@@ -434,7 +434,7 @@ class Clearance(Limit):
         # If no body swings like the point pendulum, `~exists` adds 1, and the bob counts as too thick.
         sizes = {
             THICKNESS: high / (THICKEST * rod) + ~exists,
-            DEPTH: (rod + high) / (geometry.hinge_ratio * geometry.half_height),
+            DEPTH: (rod + high) / (geometry.hinge_ratio * geometry.centroid),
         }
         return super().sizes(motion, design, geometry) | sizes
 

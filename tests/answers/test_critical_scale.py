@@ -32,6 +32,19 @@ def falls(scene: tpd.Scene, pendulum: tpd.Pendulum, factor: float) -> bool:
     return status == "overturned"
 
 
+HIGH = {"width": 1.3, "height": 10.0, "mass": 16280.0, "centroid_height": 6.5, "radius_of_gyration": 3.2}
+
+
+@pytest.mark.parametrize(("frequency", "overturns"), [(0.5, 0.13444835), (1.0, 0.31950708)])
+def test_a_high_centroid_overturns_at_the_acceleration_of_an_independent_program(frequency, overturns):
+    """Digits in g from DOP853 between impacts. With the centroid at half the height it is 27 % more."""
+    block = tpd.Block(**HIGH)
+    assert block.slenderness == pytest.approx(0.1, rel=1e-15)
+    pulse = tpd.Pulse.one_sine(frequency=frequency, acceleration=0.1 * GRAVITY)
+    found = tpd.critical_scale(tpd.Scene(block, pulse), highest=4.0)
+    assert 0.1 * float(found.scale) == pytest.approx(overturns, rel=1e-7)
+
+
 def test_a_resonant_bob_overturns_its_block_below_half_the_uplift_scale():
     scene, pendulum = resonant(0.02, 10)
     found = tpd.critical_scale(scene, pendulum, scan=0.05)

@@ -67,7 +67,7 @@ WORDS = {
 CAPITALS = rf"\b({'|'.join(WORDS)})\b"
 TABLE = r"""
 optimise --width -1 REST_OF_IT | [block] `width` must be positive and finite, but is -1
-optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height` (the linear model neglects
+optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height`, or of twice `cen
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same quantity: gi
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is

@@ -155,7 +155,7 @@ CALLS = {
     "periodic_orbit(p, [0.0, nan, 0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite",
     "attractors(block)": "`subject` must be a Parameters or Scene, but is Block(",
     'settled_response(scene, "frequency", ["a"])': "`values` must be one or more numbers, all finite, but is",
-    'settled_response(scene, "colour", [1.0])': "`name` must be one of width, height, mass",
+    'settled_response(scene, "colour", [1.0])': "`name` must be one of width, height, centroid_height, mass",
     'settled_response(scene, "frequency", [2.0], progress=3)': "`progress` must be True or a function, but i",
     'branches(scene, "frequency", 3.0, 2.0)': "must be an interval low < high",
     'design_map(scene, "mu", ("lam", [0.1, 0.2]), pendulum=hung)': "`x` must be a name and its values, but i",
@@ -234,7 +234,7 @@ CALLS = {
     "in_chunks(jnp.sin, masked)": "`batch` must have no masked elements",
     # Absurd values.
     "Ensemble(tilt_rate=1e300)": "`tilt_rate` must be at most 10, ten times the rate that overturns",
-    "made(Block, radius_of_gyration=1e-300)": "`radius_of_gyration` must be at least 0.2 of half",
+    "made(Block, radius_of_gyration=1e-300)": "`radius_of_gyration` must be at least 0.2 of that",
     "made(Pendulum, length=1e300)": "`length` must be between 1e-06 and 1e+06 m, but is 1e+300",
     "made(Parameters, mu=1e300)": "`mu` must be between 0 and 1e+12, but is 1e+300",
     "fragility(block, [record], scales=[1.0], intensity='sa', period=1e300)": "`period` must be between",

@@ -44,7 +44,7 @@ def evaluation(m: int, n: int = 2) -> Evaluation:
 
 def test_a_user_limit_is_differentiated_automatically():
     (size,) = evaluate_sizes([LongestRod(0.1)], evaluation(3), GEOMETRY, slopes=True)
-    np.testing.assert_allclose(size.value, 0.2 * SCENE.block.half_height / 0.1)
+    np.testing.assert_allclose(size.value, 0.2 * SCENE.block.centroid / 0.1)
     np.testing.assert_allclose(size.slope, np.broadcast_to([0.0, 2.0, 0.0], (3, 2, 3)), atol=1e-12)
 
 

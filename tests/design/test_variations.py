@@ -43,7 +43,7 @@ def of(rows, kind):
     return [row for row in rows if row.kind == kind]
 
 
-QUANTITIES = "slenderness", "amplitude", "frequency", "mass", "length", "damping"
+QUANTITIES = "slenderness", "centroid", "amplitude", "frequency", "mass", "length", "damping"
 
 
 def test_every_variation_is_compared_with_the_stated_design(rows):

@@ -48,7 +48,7 @@ def made(x):
         friction=x.friction,
     )
     scene = Scene(block, ground(x.seed, x.dt, x.size * 9.81 / x.ratio))
-    length = x.length * block.half_height
+    length = x.length * block.centroid
     return scene, Pendulum(mass=x.mass * block.mass, length=length, damping_ratio=x.damping)
 
 

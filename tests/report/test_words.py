@@ -28,13 +28,13 @@ def test_the_description_states_which_values_differ_from_the_paper():
         (tpd.Scene(changed(friction=0.1).block, COLUMN.excitation), "with other excitation and losses than"),
     ):
         assert words.origin(scene).startswith(f"the paper's block (Collini et al. 2016) {said}")
-    for size in ("height", "mass", "radius_of_gyration", "effective_width"):
+    for size in ("height", "mass", "radius_of_gyration", "effective_width", "centroid_height"):
         assert words.origin(changed(**{size: 0.2})) == ""
 
 
 def test_scene_lines_describe_block_excitation_and_losses_in_si_units():
     block, motion, losses = words.scene_lines(COLUMN)
-    assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
+    assert "6 m high, 9000 kg, radius of gyration 1.75 m, centroid at 3 m, no cavity stated; slender" in block
     assert "topples at 0.1651 rad (9.46°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
     assert motion == "  excitation  0.05 m at 0.5 Hz, 0.05032 g"
@@ -43,7 +43,7 @@ def test_scene_lines_describe_block_excitation_and_losses_in_si_units():
 
 def test_scene_lines_state_the_effective_width_of_the_base():
     block = words.scene_lines(changed(effective_width=0.9))[0]
-    assert "0.1 m wide, 0.4 m high, 16.22 kg, rocks on 90 % of its width, cavity 0.08 m wide" in block
+    assert "16.22 kg, centroid at 0.2 m, rocks on 90 % of its width, cavity 0.08 m wide" in block
     assert "slenderness 0.225; topples at 0.2213 rad" in block
 
 

@@ -64,8 +64,10 @@ WRONG = {
     "thin walls": (*sized(*SIZES, cavity_width=0.099), "the walls around 0.099 m have 2.04e+05 kg"),
     "gyration": (
         *sized(*SIZES, radius_of_gyration=0.207),
-        "half the diagonal of the block",
+        "that of a mass in the corners",
     ),
+    "low centroid": (*sized(*SIZES, centroid_height=0.03), "between 0.04 and 0.36 m above the base"),
+    "no gyration": (*sized(*SIZES, centroid_height=0.21), "`radius_of_gyration` must be stated"),
     "base friction": (*sized(*SIZES, base_friction=2.5), "between 0 and 2, but is 2.5"),
     "effective width": (*sized(*SIZES, effective_width=1.01), "`effective_width` must be"),
     "narrow base": (*sized(*SIZES, effective_width=0.19), "`effective_width` must be"),
@@ -138,6 +140,30 @@ def test_the_effective_width_narrows_the_base_and_keeps_the_mass():
     a, b = 0.45 * whole.width, 0.5 * whole.height
     assert narrow.inertia_ratio == pytest.approx(b**2 / (a**2 + b**2 + 0.13**2), rel=1e-15)
     assert Block(**BLOCK, effective_width=1.0) == Block(**BLOCK, effective_width=1) == Block(**BLOCK)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "centroid", "lifts"),
+    [(1.3, 10.0, 3.5, 0.1857), (0.43, 1.8, 0.635, 0.339), (1.3, 10.0, 4.03, 0.161)],
+)
+def test_a_block_moves_like_a_uniform_one_of_twice_the_height_of_its_centroid(width, height, centroid, lifts):
+    """Only the conversion from SI units changes. The last block is a solid frustum, 0.7 m wide at its top."""
+    gyration = 0.55 * centroid + 0.1 * width
+    own = {"width": width, "mass": 500.0 * width**2 * height, "radius_of_gyration": gyration}
+    block = Block(height=height, centroid_height=centroid, **own)
+    other = Block(height=2.0 * centroid, **own)
+    bob = Pendulum(mass=0.1 * block.mass, length=0.3, damping_ratio=0.1)
+    p = Scene(block, Harmonic(**MOTION)).parameters(bob)
+    q = Scene(other, Harmonic(**MOTION)).parameters(replace(bob, hinge_height=height))
+    np.testing.assert_allclose(
+        [getattr(p, n) for n in NAMES if n != "e"], [getattr(q, n) for n in NAMES if n != "e"]
+    )
+    assert (p.nu, p.rho) == pytest.approx(
+        (lifts, 1.0 / (1.0 + lifts**2 + (gyration / centroid) ** 2)), rel=3e-3
+    )
+    assert p.velocity_ratio == pytest.approx(q.velocity_ratio, rel=1e-15)
+    wider = block.widened(1.2)
+    assert (wider.centroid, wider.slenderness) == (centroid, pytest.approx(1.2 * block.slenderness))
 
 
 def test_housners_restitution_includes_the_mass_of_the_bob():

@@ -109,7 +109,7 @@ def motion_history(
     """Compute the time history of a block under the pulse or record of its scene.
 
     The forces follow from the accelerations along the arcs in closed form. With d the side to which the block
-    tilts, a its half width and b its half height,
+    tilts, a its half width and b the height of its centroid,
 
         H = M (x'' - b phi'') + m (x'' - 2 b phi'' + l psi''),   V = (M + m) (g + a d phi'').
 
@@ -147,8 +147,8 @@ def motion_history(
     # Conversion to SI units: tau is time multiplied by omega0.
     up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
     rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
-    mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
-    m, length, hinge = 0.0, 0.0, height
+    mass, z, width = (float(getattr(scene.block, name)) for name in ("mass", "centroid", "width"))
+    m, length, hinge = 0.0, 0.0, 0.0
     if pendulum is not None:
         m, length, hinge = map(float, (pendulum.mass, pendulum.length, pendulum.hinge_in(scene.block)))
     # A positive tilt moves the hinge to the left, and a positive rod angle moves the bob to the right.
@@ -160,7 +160,7 @@ def motion_history(
         base,
         states["tilt"],
         None if pendulum is None else states["swing"],
-        mass * (base - 0.5 * height * up) + across,
+        mass * (base - z * up) + across,
         (mass + m) * lifting,
         np.stack([motion.impacts["time"] / rate, motion.impacts["rate"] * rate], axis=1),
         states["kind"] == SLIP,

@@ -172,7 +172,7 @@ def rocking_spectrum(
     mass_ratio: checks.Real | None = None,
     length_ratio: checks.Real = 0.5,
     damping_ratio: checks.Real = 0.1,
-    hinge_ratio: checks.Real = 2.0,
+    hinge_ratio: checks.Real | None = None,
     gravity: checks.Real = STANDARD_GRAVITY,
     free: checks.Real = FREE,
     cluster: Cluster | None = None,
@@ -185,9 +185,9 @@ def rocking_spectrum(
         motion: a pulse or a record.
         periods: 2 pi/p in s; by default 200 values from 1 to 12.
         mass_ratio: mass of the bob divided by that of the block; None for no pendulum.
-        length_ratio: length of the rod divided by the half height of the block.
+        length_ratio: length of the rod divided by the height of the centroid of the block.
         damping_ratio: damping ratio of the pendulum.
-        hinge_ratio: height of the hinge divided by the half height of the block; 2 is the top.
+        hinge_ratio: height of the hinge divided by that of the centroid; default the top of the block.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after the ground motion, s.
         cluster: processes or machines instead of threads.
@@ -218,7 +218,7 @@ def rocking_spectrum(
             length_ratio=length_ratio,
             damping_ratio=damping_ratio,
             # The ratio is that of all blocks, and the height that of the given one.
-            hinge_height=hinge_ratio * block.half_height,
+            hinge_height=None if hinge_ratio is None else hinge_ratio * block.centroid,
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times

@@ -198,14 +198,14 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
     """
     mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
     mass = options.pendulum_mass if mu is None else mu * block.mass
-    length = options.pendulum_length if lam is None else lam * block.half_height
+    length = options.pendulum_length if lam is None else lam * block.centroid
     # A map replaces a quantity that it varies, so its value here does not matter.
     axes = (getattr(options, name, None) for name in "xy")
     varied = {named(axis[0]) for axis in axes if axis}
     if mass is None and {"pendulum_mass", "mu"} & varied:
         mass = block.mass
     if length is None and {"pendulum_length", "lam"} & varied:
-        length = block.half_height
+        length = block.centroid
     # A damping ratio alone shows that a pendulum is meant: its mass and length were forgotten.
     has_damping = damping is not None or {"pendulum_damping", "zeta"} & varied
     if mass is None and length is None and not has_damping:
@@ -220,7 +220,7 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
         "--mass-ratio": (mu, *LARGEST["mu"]),
         "--pendulum-length": (options.pendulum_length, *longest),
-        "--length-ratio": (lam, *LARGEST["lam"]),
+        "--length-ratio": (lam, block.height / block.centroid, "a rod as long as the block is high"),
     }
     for flag, (value, largest, meaning) in bounds.items():
         if value is not None:

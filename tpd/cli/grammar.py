@@ -31,7 +31,8 @@ def _options(table: str, names: str) -> tuple[Option, ...]:
 
 BLOCK = _options(
     "block",
-    "width height mass friction restitution radius_of_gyration base_friction cavity_width effective_width",
+    "width height centroid_height mass friction restitution radius_of_gyration base_friction cavity_width "
+    "effective_width",
 )
 HARMONIC = _options("excitation", "amplitude frequency")
 PULSE = _options("excitation", "pulse pulse_frequency cycles phase pga")

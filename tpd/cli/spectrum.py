@@ -97,8 +97,8 @@ def _rocking(
     if pendulum is not None:
         # Blocks of all sizes have a pendulum of the same ratios.
         how = how | {"mass_ratio": pendulum.mass / block.mass, "damping_ratio": pendulum.damping_ratio}
-        how["length_ratio"] = pendulum.length / block.half_height
-        how["hinge_ratio"] = pendulum.hinge_in(block) / block.half_height
+        how["length_ratio"] = pendulum.length / block.centroid
+        how["hinge_ratio"] = pendulum.hinge_in(block) / block.centroid
     periods = np.linspace(0.5, options.to or 12.0, options.points)
     spectrum = rocking_spectrum(block, scene.excitation, periods=periods, **how)
     undecided = spectrum.undecided().tolist()

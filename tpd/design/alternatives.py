@@ -20,10 +20,10 @@ class Alternatives(NamedTuple):
     """Estimates of what keeps the block on its base without a pendulum, from statics of a rigid block."""
 
     tie: float
-    """Horizontal force (N) of a tie at the top of the block. The tie supplies the moment that the weight
-    lacks: M g (f - nu - k)/2 for a block of height 2 b, from (5) with the largest acceleration f."""
+    """Horizontal force (N) of a tie at the top of the block, at the height h. The tie supplies the moment
+    that the weight lacks: M g (f - nu - k) b/h, from (5) with the largest acceleration f."""
     width: float
-    """Width of the base (m) with which the excitation does not lift the block: (f - k) times the height."""
+    """Width of the base (m) with which the excitation does not lift the block: 2 b (f - k)."""
     friction: float
     """Coefficient of friction with which the wider base does not slide: f."""
     present: float
@@ -82,7 +82,8 @@ def alternatives(problem: Problem) -> Alternatives:
     block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
     lifts = alone.uplift * gravity
     periods, damping = problem.isolation()
-    tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
+    z = float(block.centroid)
+    tie = float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0) * z / float(block.height)
     # The block rocks on the same share of a wider base.
-    width = float(block.height) * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
+    width = 2.0 * z * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
     return Alternatives(tie, width, alone.peak, float(block.width), periods, damping, lifts)

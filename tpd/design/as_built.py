@@ -319,7 +319,7 @@ def build_of(design: Design) -> Build | None:
     # The condition of uplift is |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`. For a very slow excitation
     # |B| is 1 + kappa mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
-    kappa = float(pendulum.hinge_in(block) / block.half_height)
+    kappa = float(pendulum.hinge_in(block) / block.centroid)
     build = Build(
         bob=bob,
         mass=body,
@@ -425,9 +425,8 @@ def pull_test(scene: Scene) -> PullTest:
     return PullTest(
         tilt=tilt,
         sway=tilt * float(block.height),
-        # The force acts at twice the height of the weight, so half the ratio (nu + k) of the weight
-        # lifts the block.
-        force=0.5 * (nu + k) * float(block.mass) * g,
+        # The force acts at the top, and the weight has the moment (nu + k) M g b.
+        force=(nu + k) * float(block.mass) * g * float(block.centroid) / float(block.height),
         impacts=impacts,
         seconds=float(taus[impacts]) / rate if impacts else math.nan,
     )

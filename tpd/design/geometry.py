@@ -48,7 +48,7 @@ class Geometry:
     A limit gets the geometry of one condition, in which each field is one number.
     """
 
-    half_height: Any
+    centroid: Any
     """Half the height of the block, b, m."""
     block_mass: Any
     """Mass of the block, M, kg."""
@@ -68,16 +68,19 @@ class Geometry:
     gravity: Any = STANDARD_GRAVITY
     """Acceleration of gravity, m/s^2."""
     hinge_ratio: Any = 2.0
-    """Height of the hinge above the base over half the height of the block, kappa."""
+    """Height of the hinge above the base over that of the centroid, kappa."""
 
     @staticmethod
     def of(
-        scene: Scene, conditions: Conditions, bob: Bob | None = None, hinge_ratio: float = 2.0
+        scene: Scene, conditions: Conditions, bob: Bob | None = None, hinge_ratio: float | None = None
     ) -> Geometry:
-        """Return the geometry of a scene under all conditions. The default bob is a ball of steel."""
+        """Return the geometry of a scene under all conditions.
+
+        The default bob is a ball of steel, and the default hinge is at the top.
+        """
         block, slenderness = scene.block, conditions.column("slenderness")
         return Geometry(
-            half_height=block.half_height,
+            centroid=block.centroid,
             block_mass=block.mass,
             wall=0.5 * block.clear_width * slenderness,
             slenderness=block.slenderness * slenderness,
@@ -85,12 +88,12 @@ class Geometry:
             length_factor=conditions.column("length"),
             bob=Bob() if bob is None else bob,
             gravity=float(scene.gravity),
-            hinge_ratio=hinge_ratio,
+            hinge_ratio=block.height / block.centroid if hinge_ratio is None else hinge_ratio,
         )
 
     def rod(self, design: Ratios) -> Any:
         """Return the length of the point pendulum, m."""
-        return self.half_height * design.lam * self.length_factor
+        return self.centroid * design.lam * self.length_factor
 
     def mass(self, design: Ratios) -> Any:
         """Return the mass of the point pendulum, kg."""
@@ -98,7 +101,7 @@ class Geometry:
 
     def body(self, design: Ratios) -> Body:
         """Return the bob as built. It swings like the point `mass` at the distance `rod`."""
-        mass, length = self.block_mass * design.mu, self.half_height * design.lam
+        mass, length = self.block_mass * design.mu, self.centroid * design.lam
         body, rod = self.bob.built(mass, length, self.gravity)
         xp = checks.namespace(body)
         exists = xp.isfinite(body)

@@ -271,9 +271,9 @@ class GroundMotionProblem(Problem):
     def rule_lengths(self) -> tuple[float, float]:
         """See `Problem.rule_lengths`. For earthquakes a rod of about a third of the height is best, and one
         that is not slower than the ground motion may do harm."""
-        half, gravity = float(self.scene.block.half_height), float(self.scene.gravity)
+        z, gravity = float(self.scene.block.centroid), float(self.scene.gravity)
         motions = [m for m in self.conditions.motions if isinstance(m, (Pulse, Record))]
-        x = np.median([float(relative_length(half, m, gravity=gravity)) for m in motions])
+        x = np.median([float(relative_length(z, m, gravity=gravity)) for m in motions])
         return _USUAL_LENGTH, _SLOW / float(x)
 
     @property
@@ -386,8 +386,10 @@ class GroundMotionProblem(Problem):
         unit = Scene(scene.block, _UNIT, scene.gravity)
         # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}
-        p = replace(unit.ground_parameters(), kappa=self.hinge_ratio)
-        row = np.array([NO_PENDULUM if design is None else design])
+        p = replace(unit.ground_parameters(), kappa=self.space.hinge_ratio(scene.block))
+        # A block with another centroid has the same rod.
+        own = [1.0, float(self.scene.block.centroid / scene.block.centroid), 1.0]
+        row = np.array([NO_PENDULUM if design is None else design * np.array(own)])
         q = under_all(p, row, replace(conditions, factors=factors))
         # The parameters were computed for a peak of 1 m/s^2: scale f by the peaks, and the pieces by their
         # durations.

@@ -695,7 +695,7 @@ def _check_whole_block(tables: Mapping[str, Any], kind: str) -> None:
         for table in ("block", "excitation")
     }
     # If one of these keys is present, the job describes another block than that of the paper.
-    shape = (*required_keys("block"), "radius_of_gyration")
+    shape = (*required_keys("block"), "radius_of_gyration", "centroid_height")
     own = [key for key in shape if key in tables.get("block", {})]
     if not own or not any(missing.values()):
         return

@@ -308,7 +308,7 @@ class Problem(ABC):
 
     @property
     def hinge_ratio(self) -> float:
-        """Height of the hinge over half the height of the block, kappa."""
+        """Height of the hinge over that of the centroid of the block, kappa."""
         return self.space.hinge_ratio(self.scene.block)
 
     def pendulum(self, design: np.ndarray) -> Pendulum:
@@ -320,7 +320,7 @@ class Problem(ABC):
     def ratios(self, pendulum: Pendulum) -> np.ndarray:
         """Return the design (mu, lam, zeta) of a pendulum in SI units."""
         block = self.scene.block
-        ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
+        ratios = pendulum.mass / block.mass, pendulum.length / block.centroid, pendulum.damping_ratio
         return np.array([float(x) for x in ratios])
 
     def exact(self, design: np.ndarray | None) -> Any:

@@ -12,13 +12,11 @@ import numpy as np
 from tpd.core import checks
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube
 from tpd.scene.ensemble import Ensemble
-from tpd.scene.parameters import HIGHEST_HINGE
+from tpd.scene.parameters import HIGHEST_HINGE, HIGHEST_RATIO
 from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
 
 HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M. A bob inside the block is not heavier than the block."""
-LONGEST_RATIO = 2.0
-"""Largest length ratio l/b. A pendulum longer than the whole block would swing through the floor."""
 Bounds = checks.Real | tuple[float, float]
 """Bounds of a search: one number, which fixes the value, or a lower and an upper bound."""
 TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
@@ -27,7 +25,7 @@ USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
 """Default bounds of the ratios."""
 _RANGES = {
     "mass_ratio": (0.0, HEAVIEST_RATIO),
-    "length_ratio": (1e-3, LONGEST_RATIO),
+    "length_ratio": (1e-3, HIGHEST_RATIO),
     "damping_ratio": (0.0, LARGEST_DAMPING),
     "mass": (0.0, HEAVIEST),
     "length": LENGTHS,
@@ -65,7 +63,7 @@ class DesignSpace:
     """Ratio m/M of the point mass of the bob to the mass of the block: one fixed number, or two bounds
     (default 0.01 0.2)."""
     length_ratio: Bounds | None = None
-    """Ratio l/b of the length of the pendulum to half the height of the block: one fixed number, or two
+    """Ratio l/b of the length of the pendulum to the height of the block's centroid: one fixed number, or two
     bounds (default 0.1 1.5)."""
     damping_ratio: Bounds = (0.05, 0.6)
     """Damping ratio zeta of the hinge: one fixed number, or two bounds."""
@@ -112,13 +110,13 @@ class DesignSpace:
             ValueError: the bob is heavier than the block, the length is out of range, or the hinge is above
                 twice the height of the block.
         """
-        out, kappa = dict[str, Any](), self.hinge_ratio(block)
-        if kappa > HIGHEST_HINGE:
+        out = dict[str, Any]()
+        if self.hinge_height is not None and self.hinge_height > HIGHEST_HINGE * block.height:
             most = f"twice the height of the block, {2.0 * block.height:g} m"
             raise ValueError(f"`hinge_height` must be at most {most}, but is {self.hinge_height:g} m")
         # On a mast the rod is still no longer than the block is high.
-        longest = min(LONGEST_RATIO, kappa)
-        for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
+        longest = self.longest_ratio(block)
+        for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.centroid)):
             value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
             high = longest if name == "length" else high
             if value is not None:
@@ -128,16 +126,25 @@ class DesignSpace:
                 # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
         low, high = USUAL_BOUNDS["length_ratio"]
-        if self.length_ratio == (low, high) and kappa > low:
+        if self.length_ratio == (low, high) and longest > low:
             # The usual bounds end where the bob would hang below the base.
             out["length_ratio"] = (low, min(high, longest))
         for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
-            checks.at_most("length_ratio", x, longest, "the height of the hinge over half that of the block")
+            checks.at_most(
+                "length_ratio",
+                x,
+                longest,
+                "the smaller height of hinge and block over that of the centroid",
+            )
         return self.with_ratios(**out)
 
     def hinge_ratio(self, block: Block) -> float:
-        """Return the height of the hinge over half the height of a block, kappa."""
-        return 2.0 if self.hinge_height is None else float(self.hinge_height / block.half_height)
+        """Return the height of the hinge over that of the centroid of a block, kappa."""
+        return float((block.height if self.hinge_height is None else self.hinge_height) / block.centroid)
+
+    def longest_ratio(self, block: Block) -> float:
+        """Return the largest length ratio: a longer rod would reach the base, or exceed the height."""
+        return min(float(block.height / block.centroid), self.hinge_ratio(block))
 
     def with_ratios(self, **bounds: Any) -> DesignSpace:
         """Return the space with other bounds that follow from the stated ones, whose table it keeps."""

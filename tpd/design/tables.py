@@ -355,7 +355,12 @@ TABLES: dict[str, dict[str, Key]] = {
         Block,
         PAPER.block,
         **{"width": "M", "height": "M", "mass": "KG", "friction": "K", "restitution": "E"},
-        **{"radius_of_gyration": "M", "cavity_width": "--cavity M", "base_friction": "X"},
+        **{
+            "radius_of_gyration": "M",
+            "centroid_height": "M",
+            "cavity_width": "--cavity M",
+            "base_friction": "X",
+        },
         effective_width="SHARE",
     ),
     "excitation": {

@@ -38,6 +38,7 @@ _QUANTITIES = {
     "impact_loss": (0.5, "energy loss of an impact, 1 - e,"),
     "friction": (0.5, "friction k of the rocking contact"),
     "slenderness": (0.05, "slenderness ν"),
+    "centroid": (0.02, "height of the centroid"),
     "amplitude": (0.1, "amplitude of the excitation"),
     "frequency": (0.05, "frequency of the excitation"),
     "mass": (0.05, "mass of the bob"),
@@ -196,6 +197,12 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
                 # 1 - e of the block instead, and fix the resulting e.
                 other = replace(block, restitution=max(1.0 - (1.0 - e) * (1.0 + share), 0.0))
                 yield varied._replace(scene=replace(scene, block=other))
+            elif name == "centroid":
+                z, rho = float(block.centroid), float(block.inertia_ratio)
+                # The radius of gyration stays as it is: rho = z^2/(a^2 + z^2 + c^2).
+                own = {"radius_of_gyration": z * math.sqrt(1.0 / rho - 1.0 - nu**2)}
+                other = replace(block, centroid_height=z * (1.0 + share), **own)
+                yield varied._replace(scene=replace(scene, block=other))
             else:
                 yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
     for name, other in loss_models(scene).items():
@@ -208,7 +215,7 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
     narrow = Conditions({"slenderness": np.array([NARROW])})
     yield linear("width", share=NARROW - 1.0, words=words, more=narrow)
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
-    middle = float(block.half_height)
+    middle = 0.5 * float(block.height)
     if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
         lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
         yield linear("hinge", words="hinge at mid-height", problem=lower)

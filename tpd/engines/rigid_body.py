@@ -31,8 +31,8 @@ impacts are Housner's."""
 _STEP = 0.4
 """Time step divided by the time constant of the contact."""
 RADIUS = 1e-4
-"""Radius of a corner divided by the half height. With a larger radius a slender block would roll and never
-come to rest."""
+"""Radius of a corner divided by the height of the centroid. With a larger radius a slender block would roll
+and never come to rest."""
 
 
 _FREE = 20.0
@@ -47,8 +47,8 @@ class RigidBody:
 
     half_width: float
     """Half width of the block, m."""
-    half_height: float
-    """Half height of the block, m."""
+    centroid: float
+    """Height of the centre of mass above the base, m."""
     mass: float
     """Mass of the block, kg."""
     inertia: float
@@ -73,7 +73,7 @@ class RigidBody:
     @property
     def contact_time(self) -> float:
         """Time constant of the contact, s."""
-        return _CONTACT * math.sqrt(self.half_height / self.gravity)
+        return _CONTACT * math.sqrt(self.centroid / self.gravity)
 
     @property
     def step(self) -> float:
@@ -84,13 +84,13 @@ class RigidBody:
     def housner(self) -> float:
         """Coefficient of restitution of Housner's impact without a pendulum."""
         # The impact conserves the angular momentum about the new corner.
-        a2, b2 = self.half_width**2, self.half_height**2
+        a2, b2 = self.half_width**2, self.centroid**2
         gyration2 = self.inertia / self.mass
         return 1.0 - 2.0 * a2 / (a2 + b2 + gyration2)
 
     def mjcf(self) -> str:
         """Return the model as text in the format of MuJoCo."""
-        return _rendered("mujoco.xml.j2", body=self, radius=RADIUS * self.half_height)
+        return _rendered("mujoco.xml.j2", body=self, radius=RADIUS * self.centroid)
 
 
 def _rendered(template: str, **values: Any) -> str:
@@ -115,7 +115,7 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
 
     Size and mass of the block are those of the scene.
     """
-    b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
+    b, mass, g = float(scene.block.centroid), float(scene.block.mass), float(scene.gravity)
     nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
     # The inertia ratio is rho = b^2/(a^2 + b^2 + c^2), where c is the radius of gyration.
     gyration2 = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
@@ -123,7 +123,7 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
     damping = 2.0 * float(p.zeta) * mu * mass * rod * math.sqrt(g * rod)
     return RigidBody(
         half_width=nu * b,
-        half_height=b,
+        centroid=b,
         mass=mass,
         inertia=mass * gyration2,
         friction=float(p.k) * mass * g * b,

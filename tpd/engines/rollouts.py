@@ -18,7 +18,7 @@ FALLEN = 1.3
 _CHUNK = 2000
 """Number of time steps after which the runs are examined."""
 _LIFTED = 1e-3
-"""Height divided by the half height above which a corner has left the floor."""
+"""Height divided by that of the centroid above which a corner has left the floor."""
 
 Accelerations = Callable[[np.ndarray], np.ndarray]
 """Function that returns the base accelerations (runs, steps), m/s^2, at the times (steps,) since the
@@ -123,7 +123,7 @@ class Maxima:
         n, one = len(bodies), bodies[0]
         # The width may scatter between runs; the height does not.
         self.a = np.array([body.half_width for body in bodies])
-        self.b, self.has_pendulum = one.half_height, one.bob > 0.0
+        self.b, self.has_pendulum = one.centroid, one.bob > 0.0
         self.overturned, self.bounced = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self.tilt, self.settled_tilt, self.rod_angle, self.slid = np.zeros((4, n))
 
@@ -170,10 +170,10 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
     side = 1.0 if tilt >= 0.0 else -1.0
     # The initial state has the angles only. The position follows from the corner on which the block stands:
     # (x, z) is the vector from this corner to the centre of mass, rotated by the tilt.
-    dx, dz = -side * body.half_width, body.half_height
+    dx, dz = -side * body.half_width, body.centroid
     cos, sin = math.cos(tilt), math.sin(tilt)
     x, z = dx * cos + dz * sin, dz * cos - dx * sin
-    at = [side * body.half_width + x, z - body.half_height, tilt]
+    at = [side * body.half_width + x, z - body.centroid, tilt]
     # The block rotates about the corner, so its velocity is perpendicular to (x, z).
     moving = [tilt_rate * z, -tilt_rate * x, tilt_rate]
     if body.bob > 0.0:
@@ -193,7 +193,7 @@ def free_rocking(body: RigidBody) -> float:
     data = mujoco.MjData(model)
     assert max(body.bob, body.friction) == 0.0, "friction and a bob change the energy between impacts"
     # The released block stands on one corner, and crosses zero tilt at its first impact.
-    half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
+    half_of_toppling = 0.5 * math.atan2(body.half_width, body.centroid)
     state = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0]))
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
     # The contact force of this stiffness ends after some time constants, in which the block moves very

@@ -23,7 +23,6 @@ const tableOf = (name) => tables?.[name] && decode(tables[name]);
 const grid = tableOf("grid"), without = tableOf("without"), recommended = tableOf("recommended");
 const shares = trials && decode(trials.map);
 const base = ground && { ...ground, powers: new Float32Array(bytesOf(ground.data)), span: ground.piece * scene.rate };
-const height = 2 * scene.halfHeight;
 const ranges = Object.fromEntries(controls.map((control) => [control.name, control]));
 const state = { play: true, speed: 1, push: 0 };
 
@@ -378,11 +377,11 @@ function drawMap(now) {
 function drawDesign(angle, source, body) {
   const { c, width, high } = cleared(byId("drawing"));
   byId("angle-source").textContent = source;
-  const whole = Math.min((high - 20) / height, (0.4 * width) / scene.width);
+  const whole = Math.min((high - 20) / scene.height, (0.4 * width) / scene.width);
   const depth = 1.25 * (body.rod + body.half);
   const near = Math.min((high - 30) / depth, (0.5 * width) / scene.width);
   // The second part is around the hinge.
-  const bottom = 24 + near * scene.kappa * scene.halfHeight;
+  const bottom = 24 + near * scene.hinge;
   const parts = [[0, 0.22 * width, high - 10, whole], [0.45 * width, 0.73 * width, bottom, near]];
   for (const [left, middle, bottom, scale] of parts) {
     c.save();
@@ -431,8 +430,8 @@ function drawMotions() {
   const body = bodyOf(scene, state), states = shown.map((motion) => present(motion, from));
   states.forEach(({ now: [time, tilt, swing] }, i) => {
     const name = ["without", "with"][i], { c, width, high } = cleared(byId(`block-${name}`));
-    const floor = 0.4 * height + scene.width, { hasEnded, outcome } = shown[i], phi = tilt * scene.nu;
-    const scale = Math.min((high - 30) / height, width / (0.9 * height + scene.width));
+    const floor = 0.4 * scene.height + scene.width, { hasEnded, outcome } = shown[i], phi = tilt * scene.nu;
+    const scale = Math.min((high - 30) / scene.height, width / (0.9 * scene.height + scene.width));
     const shift = ground ? 0 : -state.amplitude * Math.sin(2 * Math.PI * state.frequency * clock);
     c.translate(width / 2 + shift * scale, high - 14);
     c.scale(scale, scale);

@@ -21,7 +21,7 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
-from tpd.design.space import HEAVIEST_RATIO, LONGEST_RATIO
+from tpd.design.space import HEAVIEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
@@ -175,8 +175,10 @@ def block_numbers(problem: Problem) -> dict[str, Any]:
         "gravity": float(scene.gravity),
         "rate": float(scene.rate),
         "mass": float(block.mass),
-        "halfHeight": float(block.half_height),
+        "height": float(block.height),
+        "centroid": float(block.centroid),
         "kappa": problem.hinge_ratio,
+        "hinge": problem.hinge_ratio * float(block.centroid),
         "width": float(block.width),
         # Without a cavity the search has no limit on the clearance, and the drawing no walls.
         "cavity": None if block.cavity_width is None else float(block.cavity_width),
@@ -192,7 +194,7 @@ def block_numbers(problem: Problem) -> dict[str, Any]:
 def _space(problem: Problem) -> np.ndarray:
     """Least and largest mass, length and damping of the search in SI units, shape (3, 2)."""
     block = problem.scene.block
-    return problem.space.ends.T * np.array([[float(block.mass)], [float(block.half_height)], [1.0]])
+    return problem.space.ends.T * np.array([[float(block.mass)], [float(block.centroid)], [1.0]])
 
 
 def _first_pendulum(problem: Problem, answer: Answer) -> Pendulum:
@@ -224,11 +226,11 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
             low, high = low / _WIDER, high * _WIDER
         return min(low, own), min(max(high, own), most)
 
-    zeta, longest = float(start.damping_ratio), min(LONGEST_RATIO, problem.space.hinge_ratio(block))
+    zeta, longest = float(start.damping_ratio), problem.space.longest_ratio(block)
     # The names are those of the controls of the page.
     return {
         "mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
-        "length": wide(length, float(start.length), longest * float(block.half_height)),
+        "length": wide(length, float(start.length), longest * float(block.centroid)),
         # A hinge without damping has a range as well.
         "damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
     }
@@ -334,7 +336,7 @@ def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]
 def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
     """Validation runs of each validated design, with the range of the pendulum in which they hold."""
     block = problem.scene.block
-    si = np.array([float(block.mass), float(block.half_height), 1.0])
+    si = np.array([float(block.mass), float(block.centroid), 1.0])
     for i, (design, _, runs, sentences) in enumerate(answer.validations):
         # A limit that needs no run can reject a design before its runs.
         if runs is None:

@@ -136,7 +136,7 @@ function drawPendulum(c, scene, body, angle, color) {
 
 /** Draw the block and its cavity, in m from the middle of its base, and pendulums as [angle, color]. */
 export function drawBlock(c, scene, body, tilt, pendulums) {
-  const corner = (Math.sign(tilt) * scene.width) / 2, height = 2 * scene.halfHeight;
+  const corner = (Math.sign(tilt) * scene.width) / 2, { height } = scene;
   c.save();
   c.translate(corner, 0);
   c.rotate(tilt);
@@ -148,7 +148,7 @@ export function drawBlock(c, scene, body, tilt, pendulums) {
     if (width) c.strokeRect(-width / 2, 0, width, height);
   }
   // The hinge may be below or above the top. The angle of the bob is measured from the vertical.
-  c.translate(0, height - scene.kappa * scene.halfHeight);
+  c.translate(0, height - scene.hinge);
   if (body) for (const [swing, color] of pendulums) drawPendulum(c, scene, body, swing - tilt, color);
   c.restore();
 }

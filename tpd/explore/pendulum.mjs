@@ -10,11 +10,11 @@ const TURNS = 50; // Steps of Newton's method for the rod of the body; it stops 
 
 /** Return the dimensionless parameters under a harmonic { amplitude, frequency }; without a pendulum mu is 0. */
 export function parameters(scene, motion, pendulum = null) {
-  const { nu, rho, k, restitution, gravity, rate, mass, halfHeight, kappa } = scene;
+  const { nu, rho, k, restitution, gravity, rate, mass, centroid, kappa } = scene;
   const mu = pendulum ? pendulum.mass / mass : 0, omega = 2 * Math.PI * motion.frequency;
   return {
     nu, rho, k, mu, kappa,
-    lam: pendulum ? pendulum.length / halfHeight : 1,
+    lam: pendulum ? pendulum.length / centroid : 1,
     zeta: pendulum ? pendulum.damping : 0.3,
     f: "peak" in motion ? motion.peak / gravity : (motion.amplitude * omega ** 2) / gravity,
     xi: omega / rate,
@@ -82,7 +82,7 @@ export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene
   if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {
     add("thickness", half / (0.6 * rod) + (exists ? 0 : 1));
-    add("depth", (rod + half) / (scene.kappa * scene.halfHeight));
+    add("depth", (rod + half) / scene.hinge);
     add("clearance", reachOf(scene, body, angle) / (0.5 * scene.cavity));
   }
   if (!motion) return shares;

@@ -183,6 +183,7 @@ def plot_scene(
         ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
         for wall in (-c, c):
             ax.plot([wall, wall], [floor, height], color=INK, lw=0.9)
+    ax.plot(0.0, float(scene.block.centroid), "+", ms=7, mew=1.2, color=INK)
     inch = 1.0 / scale
     _dimension(ax, (-half, height), (half, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
     away = half - wide - 0.35 * inch

@@ -182,7 +182,7 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
     }
     all_figures = {name: Figure(name, *_CAPTIONS[name]) for name, exists in has_data.items() if exists}
     if design.pendulum is None:
-        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption="Block and base, to scale.")
+        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption="Block and base, to scale; + is the centroid.")
     return all_figures
 
 
@@ -210,12 +210,16 @@ def _hypotheses(design: Design) -> Table:
     scene, problem, gyration = design.scene, design.problem, design.scene.block.radius_of_gyration
     block = scene.block
     radius = f"radius of gyration {number(gyration or 0.0)} m about the centroid"
-    diagonal = number(0.5 * math.hypot(float(block.base_width), float(block.height)))
+    diagonal = number(0.5 * math.hypot(float(block.base_width), 2.0 * float(block.centroid)))
     # Only the default scatter of Housner's e has a source.
     is_measured = problem.scatter.get("restitution") == MEASURED
     rows: list[tuple[Cell, ...]] = [
         ("block", f"rigid; {'uniform rectangle' if gyration is None else radius}"),
-        ("R, half diagonal of the block", f"{diagonal} m"),
+        (
+            "b, height of the centroid",
+            f"{number(float(block.centroid))} m, on the middle line",
+        ),
+        ("R, distance of the centroid from the lower edges", f"{diagonal} m"),
         ("α, toppling angle", words.angle(math.atan(float(block.slenderness)))),
         ("p = ω₀ = √(g ρ/b)", f"{number(float(scene.rate))} rad/s, frequency parameter of the block"),
         (

@@ -222,7 +222,7 @@ def origin(scene: Scene) -> str:
     # The numbers decide, because a job file may list the paper's numbers without naming the paper.
     paper = paper_scene()
     block, original = scene.block, paper.block
-    sizes = "width", "height", "mass", "radius_of_gyration", "effective_width"
+    sizes = "width", "height", "mass", "radius_of_gyration", "centroid_height", "effective_width"
     if any(getattr(block, key) != getattr(original, key) for key in sizes):
         return ""
     same = {
@@ -261,7 +261,7 @@ def block_of(scene: Scene) -> str:
 def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
     """Return a line for the terminal with the equivalent point mass, which differs from the bob as built."""
     block = scene.block
-    ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
+    ratios = pendulum.mass / block.mass, pendulum.length / block.centroid, pendulum.damping_ratio
     mu, lam, zeta = (number(float(x)) for x in ratios)
     return f"  point       {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
 
@@ -291,6 +291,8 @@ def _block(scene: Scene) -> str:
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
     gyration, wide = block.radius_of_gyration, block.cavity_width
     shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
+    # The height of the centroid decides at which acceleration the block lifts, so it is always stated.
+    shape += f", centroid at {number(float(block.centroid))} m"
     if block.effective_width is not None:
         shape += f", rocks on {percent(float(block.effective_width))} of its width"
     # The cavity is always mentioned, because a bob needs one.

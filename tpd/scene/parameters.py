@@ -28,8 +28,8 @@ GREATEST = 1e12
 of numbers are not accurate."""
 
 
-HIGHEST_HINGE = 4.0
-"""Largest height of the hinge above the base over the half height of the block."""
+HIGHEST_HINGE, HIGHEST_RATIO = 2.0, 20.0
+"""Largest height of the hinge above the base over the height of the block, and over that of its centroid."""
 
 
 @dataclass(frozen=True, init=False)
@@ -41,7 +41,7 @@ class Parameters:
     slenderness `nu`, the mass ratio `mu`, the length ratio `lam`, the damping ratio `zeta`, the friction `k`,
     the amplitude `f` and the frequency ratio `xi` of the excitation, the inertia ratio `rho` (None: a uniform
     rectangle), the coefficient of restitution `e` (None: Housner's), and the height `kappa` of the hinge
-    above the base over the half height (2, the top of the block).
+    above the base over that of the centroid (2, the top of a uniform block).
 
     The class is a pytree of numbers. Fields may also contain arrays or traced values. Plain numbers and
     arrays are checked on construction.
@@ -57,11 +57,11 @@ class Parameters:
     """
 
     nu: Number
-    """Slenderness a/b: half width over half height."""
+    """Slenderness a/b: half width over the height of the centroid (half the height of a uniform block)."""
     mu: Number
     """Mass ratio m/M of bob to block; 0 means no pendulum."""
     lam: Number
-    """Length ratio l/b: pendulum length over half height (the paper's Table 1 uses half of it)."""
+    """Length ratio l/b: pendulum length over height of the centroid (the paper's Table 1 has half of it)."""
     zeta: Number
     """Damping ratio of the hinge: share of the critical damping of the pendulum on a fixed hinge."""
     k: Number
@@ -78,8 +78,8 @@ class Parameters:
     loss. None means that it follows from `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in
     gradients."""
     kappa: Number
-    """Height of the hinge above the base over the half height of the block, up to 4. The paper has 2, the top
-    of the block; a mast has more."""
+    """Height of the hinge above the base over that of the centroid, up to 20. The paper has 2, the top of a
+    uniform block; a mast has more."""
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class Parameters:
             checks.positive(name, getattr(self, name), 1.0 / GREATEST, GREATEST, every=True)
         for name in ("mu", "zeta", "k", "f"):
             checks.not_negative(name, getattr(self, name), 0.0, GREATEST, every=True)
-        checks.positive("kappa", self.kappa, 1.0 / GREATEST, HIGHEST_HINGE, " (twice the height)", every=True)
+        checks.positive("kappa", self.kappa, 1.0 / GREATEST, HIGHEST_RATIO, every=True)
         why = " (the linear model neglects terms of order nu**2)"
         checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, why, every=True)
         if self.rho is not None:

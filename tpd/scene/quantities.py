@@ -20,32 +20,22 @@ from tpd.scene.scene import (
     Harmonic,
     Pendulum,
     Scene,
+    check_centroid,
     check_damping,
     check_excitation,
     check_proportions,
     dimensionless,
 )
 
-QUANTITIES: dict[str, tuple[str, ...]] = {
-    "width": ("nu", "rho", "xi"),
-    "height": ("nu", "rho", "xi", "lam"),
-    "mass": ("mu",),
-    "friction": ("k",),
-    "restitution": ("e",),
-    "amplitude": ("f",),
-    "frequency": ("f", "xi"),
-    "pendulum_mass": ("mu",),
-    "pendulum_length": ("lam",),
-    "pendulum_damping": ("zeta",),
-    "pendulum_hinge_height": ("kappa",),
-}
-"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -, m), each with the parameters that
-depend on it. With Housner's restitution e also depends on width, height and both masses, and the height of
-the block moves kappa if that of the hinge is stated: see `Setup.moved`."""
-_OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
-"""Quantities on which Housner's restitution depends."""
+QUANTITIES = (
+    *("width", "height", "centroid_height", "mass", "friction", "restitution", "amplitude", "frequency"),
+    *("pendulum_mass", "pendulum_length", "pendulum_damping", "pendulum_hinge_height"),
+)
+"""Quantities of a scene by name (units m, m, m, kg, -, -, m, Hz, kg, m, -, m)."""
 UNITS = {
-    **dict.fromkeys(("width", "height", "amplitude", "pendulum_length", "pendulum_hinge_height"), "m"),
+    **dict.fromkeys(
+        ("width", "height", "centroid_height", "amplitude", "pendulum_length", "pendulum_hinge_height"), "m"
+    ),
     **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
     "frequency": "Hz",
 }
@@ -142,9 +132,9 @@ class Setup:
         """Return the parameters that depend on the quantity `name`; none if `name` is itself a parameter."""
         if not self.scene or name not in QUANTITIES:
             return ()
-        tied = "restitution" not in self.values and name in _OF_HOUSNER
-        below = name == "height" and "pendulum_hinge_height" in self.values
-        return QUANTITIES[name] + (("e",) if tied else ()) + (("kappa",) if below else ())
+        # A tiny imaginary part, also of a quantity that has a default, reaches what depends on it.
+        changed = self.vector({name: complex(self.values.get(name, 1.0), _TINY)})
+        return tuple(n for n, x in zip(NAMES, changed, strict=True) if abs(np.imag(x)) > 1e-12 * _TINY)
 
     def check(self, argument: str, name: str, *values: float) -> None:
         """Raise `ValueError` unless `name`, the value of `argument`, can be varied and can have these
@@ -162,6 +152,8 @@ class Setup:
         q = {**self.values, name: values}
         if name in ("width", "height", "mass"):
             check_proportions(q["width"], q["height"], q["mass"])
+        if name in ("height", "centroid_height") and "centroid_height" in q:
+            check_centroid(q["centroid_height"], q["height"], q.get("radius_of_gyration"))
         if name in ("pendulum_damping", "zeta"):
             check_damping(name, values)
         if name == "amplitude":

@@ -35,9 +35,13 @@ DENSITIES = (10.0, 5e5)
 deeper, lie within the range. Lengths in mm or cm, and masses in t or g, lie outside."""
 LARGEST_COEFFICIENT = 2.0
 """Largest plausible coefficient of friction; that of rubber on concrete is about 1."""
+CENTROIDS = (0.1, 0.9)
+"""Smallest and largest height of the centroid, as shares of the height of the block."""
+SHAPE = "radius_of_gyration", "centroid_height", "effective_width"
+"""Fields of a block with which it is no uniform rectangle."""
 LEAST_GYRATION = 0.2
-"""Smallest radius of gyration of a block, as a share of half its diagonal. A uniform rectangle has 0.58, and
-a block with most of its mass near the centroid about half of that."""
+"""Smallest radius of gyration of a block, as a share of the largest possible one. A uniform rectangle has
+0.58, and a block with most of its mass near the centroid about half of that."""
 DENSEST_WALLS = 5e4
 """Largest plausible density, kg/m^3, of the walls around a cavity in a block whose depth equals its width. A
 block of stone may be twenty times as deep."""
@@ -63,9 +67,10 @@ def _convert_numbers(thing: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """Rigid block with a base of width 2a and a height of 2b in the symbols of the paper.
+    """Rigid block with a base of width 2a, whose centroid is at the height b, in the symbols of the paper.
 
     By default the block loses energy only at impacts, like a rigid block on a rigid base in Housner's model.
+    The centroid lies on the middle line, at half the height unless `centroid_height` is stated.
 
     Attributes:
         width: width of the base, m.
@@ -73,6 +78,7 @@ class Block:
         mass: mass of the block, kg.
         friction: dry friction moment k over M g b, dimensionless; default 0.
         radius_of_gyration: about the centroid, m; default that of a uniform rectangle.
+        centroid_height: height of the centroid above the base, m; default half the height.
         restitution: coefficient of restitution e at an impact, in (0, 1], or "housner" (default).
         cavity_width: width of the space in which the bob swings, m; default not stated.
         base_friction: coefficient of friction of the base, dimensionless; default not known.
@@ -101,6 +107,9 @@ class Block:
     radius_of_gyration: Real | None = None
     """Radius of gyration about the centroid, m (default: that of a uniform rectangle). Gradients then include
     its dependence on `width` and `height`."""
+    centroid_height: Real | None = None
+    """Height of the centroid above the base, m (default: half the height). With another height the block is
+    no uniform rectangle, and needs a `radius_of_gyration`."""
     restitution: Real | str = HOUSNER
     """e: ratio of the angular velocities after and before an impact of the base, a number in (0, 1], where 1
     means no loss, or "housner" (the default), which follows from block and bob. Housner's r is the ratio of
@@ -129,11 +138,14 @@ class Block:
             if checks.is_concrete(self.effective_width) and np.all(self.effective_width == 1.0):
                 object.__setattr__(self, "effective_width", None)
         self._check_losses()
+        if self.centroid_height is not None:
+            check_centroid(self.centroid_height, self.height, self.radius_of_gyration)
         # A block that is not a uniform rectangle states its radius of gyration.
         if (radius := self.radius_of_gyration) is not None:
             checks.positive("radius_of_gyration", radius, every=True)
             # The radius is largest if all of the mass is in the corners.
-            most, of = 0.5 * (self.width**2 + self.height**2) ** 0.5, "half the diagonal of the block"
+            z, of = self.centroid, "that of a mass in the corners"
+            most = (0.25 * self.width**2 + z * (self.height - z)) ** 0.5
             checks.at_most("radius_of_gyration", radius, most, of)
             if checks.is_concrete(most) and np.any(radius < LEAST_GYRATION * most):
                 wrong = f"`radius_of_gyration` must be at least {LEAST_GYRATION:g} of {of}"
@@ -143,8 +155,9 @@ class Block:
             checks.positive("base_friction", self.base_friction, 0.0, LARGEST_COEFFICIENT, every=True)
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
-                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear model "
-                f"neglects terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
+                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height`, or of twice `centroid_height` "
+                "(the linear model neglects terms of the order of its square), but is "
+                f"{np.max(self.slenderness):g} of it"
                 + (": are width and height exchanged?" if np.any(self.slenderness > 1.0) else "")
             )
 
@@ -190,9 +203,9 @@ class Block:
         return math.inf if self.cavity_width is None else self.cavity_width
 
     @property
-    def half_height(self) -> Real:
-        """Half the height of the block, b, m."""
-        return 0.5 * self.height
+    def centroid(self) -> Real:
+        """Height of the centroid above the base, b, m: `centroid_height`, or half the height."""
+        return _centroid(vars(self))
 
     @property
     def base_width(self) -> Real:
@@ -202,11 +215,11 @@ class Block:
     @property
     def slenderness(self) -> Real:
         """Slenderness nu = a/b."""
-        return self.base_width / self.height
+        return self.base_width / (2.0 * self.centroid)
 
     @property
     def inertia_ratio(self) -> Real:
-        """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c."""
+        """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c about the centroid."""
         return _inertia_ratio(vars(self))
 
     def widened(self, factor: Real) -> Block:
@@ -377,7 +390,7 @@ class Scene:
     @property
     def rate(self) -> Real:
         """Rate omega0 = sqrt(g rho / b), rad/s, of (6). The dimensionless time is tau = omega0 t."""
-        return _rate(self.gravity, self.block.inertia_ratio, self.block.half_height)
+        return _rate(self.gravity, self.block.inertia_ratio, self.block.centroid)
 
     @property
     def peak(self) -> Real:
@@ -434,16 +447,16 @@ class Scene:
             if (hinge := pendulum.hinge_height) is None:
                 checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
             else:
-                most = 0.5 * HIGHEST_HINGE * block.height
+                most = HIGHEST_HINGE * block.height
                 checks.at_most("pendulum.hinge_height", hinge, most, "twice the height of the block")
         if pendulum is None:
             mu, lam, zeta = NO_PENDULUM
-            pendulum = Pendulum(mass=mu, length=lam * block.half_height, damping_ratio=zeta)
+            pendulum = Pendulum(mass=mu, length=lam * block.centroid, damping_ratio=zeta)
         out = {name: getattr(block, name) for name in ("width", "height", "mass", "friction")}
         # Keys without a value are left out, so that rho and e follow the other quantities.
         if not isinstance(block.restitution, str):
             out["restitution"] = block.restitution
-        shape = {name: getattr(block, name) for name in ("radius_of_gyration", "effective_width")}
+        shape = {name: getattr(block, name) for name in SHAPE}
         out |= {name: value for name, value in shape.items() if value is not None}
         if pendulum.hinge_height is not None:
             out["pendulum_hinge_height"] = pendulum.hinge_height
@@ -457,7 +470,7 @@ class Scene:
         """Return the pendulum in SI units with the ratios mu, lam and zeta, and a hinge at a height in m."""
         mass_ratio = checks.not_negative("mass_ratio", mass_ratio, every=True)
         length_ratio = checks.not_negative("length_ratio", length_ratio, every=True)
-        mass, length = mass_ratio * self.block.mass, length_ratio * self.block.half_height
+        mass, length = mass_ratio * self.block.mass, length_ratio * self.block.centroid
         return Pendulum(mass=mass, length=length, damping_ratio=damping_ratio, hinge_height=hinge_height)
 
 
@@ -489,6 +502,28 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
             f"`mass` must give a density between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 (for a block "
             f"as deep as it is wide), but {heavy:g} kg in {wide:g} m x {high:g} m give {of:.3g} kg/m^3: are "
             "the lengths in m and the mass in kg?"
+        )
+
+
+def check_centroid(z: Any, height: Any, radius: Any) -> None:
+    """Raise `ValueError` if a centroid is too near the base or the top, or needs a radius of gyration.
+
+    Traced values are not checked.
+
+    Args:
+        z: height of the centroid above the base, m.
+        height: of the block, m.
+        radius: radius of gyration about the centroid, m; None if it is not stated.
+    """
+    if not all(map(checks.is_concrete, (z, height))):
+        return
+    low, high = (share * np.min(height) for share in CENTROIDS)
+    checks.within("centroid_height", z, low, high, " m above the base", every=True)
+    if radius is None and np.any(z != 0.5 * np.asarray(height)):
+        raise ValueError(
+            f"`radius_of_gyration` must be stated with a `centroid_height` of {np.max(z):g} m, which is not "
+            "half the height: for parts of mass m_i, each with a radius r_i about its own centroid at z_i, "
+            "its square is sum(m_i (r_i^2 + (z_i - z)^2))/sum(m_i)"
         )
 
 
@@ -524,14 +559,13 @@ def check_damping(name: str, value: Any) -> None:
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters by name from `Scene.quantities`, without checks.
 
-    The quantities are numbers, arrays that broadcast, or traced values. rho is None without a
-    `radius_of_gyration` and an `effective_width`, and e is None without a `restitution`. Without a
-    `pendulum_hinge_height` the hinge is at the top.
+    The quantities are numbers, arrays that broadcast, or traced values. rho is None without the names in
+    `SHAPE`, and e is None without a `restitution`. Without a `pendulum_hinge_height` the hinge is at the top.
     """
-    half_height, share, rho = 0.5 * q["height"], q.get("effective_width"), _inertia_ratio(q)
-    nu = (q["width"] if share is None else q["width"] * share) / q["height"]
-    is_rectangle = share is None and q.get("radius_of_gyration") is None
-    rate = _rate(q["gravity"], rho, half_height)
+    z, share, rho = _centroid(q), q.get("effective_width"), _inertia_ratio(q)
+    nu = (q["width"] if share is None else q["width"] * share) / (2.0 * z)
+    is_rectangle = all(q.get(name) is None for name in SHAPE)
+    rate = _rate(q["gravity"], rho, z)
     omega = 2.0 * math.pi * q["frequency"]
     # A ground motion has a peak acceleration, and a harmonic has an amplitude of the displacement.
     peak = q["peak"] if "peak" in q else q["amplitude"] * omega * omega
@@ -539,7 +573,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "nu": nu,
         "mu": q["pendulum_mass"] / q["mass"],
-        "lam": q["pendulum_length"] / half_height,
+        "lam": q["pendulum_length"] / z,
         "zeta": q["pendulum_damping"],
         "k": q["friction"],
         "f": peak / q["gravity"],
@@ -547,23 +581,27 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         # None means that rho and e follow the other parameters, also if these are varied later.
         "rho": None if is_rectangle else rho,
         "e": q.get("restitution"),
-        "kappa": q["pendulum_hinge_height"] / half_height if "pendulum_hinge_height" in q else 2.0,
+        "kappa": q.get("pendulum_hinge_height", q["height"]) / z,
     }
 
 
 def _inertia_ratio(q: Mapping[str, Any]) -> Any:
     radius, share = q.get("radius_of_gyration"), q.get("effective_width")
-    if radius is None and share is None:
+    if all(q.get(name) is None for name in SHAPE):
         return uniform_inertia_ratio(q["width"] / q["height"])
-    a, b = 0.5 * q["width"], 0.5 * q["height"]
+    a, b, z = 0.5 * q["width"], 0.5 * q["height"], _centroid(q)
     # The radius of gyration is that of the whole block, also if it rocks on a part of its width.
     square = (a**2 + b**2) / 3.0 if radius is None else radius**2
     a = a if share is None else a * share
-    return b**2 / (a**2 + b**2 + square)
+    return z**2 / (a**2 + z**2 + square)
 
 
-def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
-    return (gravity * rho / half_height) ** 0.5
+def _centroid(q: Mapping[str, Any]) -> Any:
+    return 0.5 * q["height"] if (z := q.get("centroid_height")) is None else z
+
+
+def _rate(gravity: Any, rho: Any, z: Any) -> Any:
+    return (gravity * rho / z) ** 0.5
 
 
 def paper_scene() -> Scene:
