@@ -253,3 +253,18 @@ def test_a_bob_without_equivalent_body_or_below_the_base_exceeds_a_limit(geometr
         depth = rod * np.array(FACTORS["length"]) + Bob().half_height(body * np.array(FACTORS["mass"]))
         np.testing.assert_allclose(found["depth"].value[0], depth / SCENE.block.height)
         assert np.all(found["depth"].value <= 1.0) == fits
+
+
+@pytest.mark.parametrize(("hinge", "fits"), [(0.5, True), (0.48, False)])
+def test_a_bob_in_a_frame_stays_between_its_posts_and_above_the_block(hinge, fits):
+    framed = dataclasses.replace(SCENE.block, cavity_width=None, frame_width=0.3)
+    scene = dataclasses.replace(SCENE, block=framed)
+    exact, design = tpd.Conditions.exactly(), np.array([0.05, 0.3, 0.35])
+    geometry = Geometry.of(scene, exact, hinge_ratio=hinge / scene.block.centroid)
+    found = sizes(tpd.limits.Clearance(), design, geometry)
+    body, rod = Bob().built(0.05 * 16.224, 0.3 * 0.2, float(SCENE.gravity))
+    np.testing.assert_allclose(found["top"].value, (rod + Bob().half_height(body)) / (hinge - 0.4))
+    assert np.all(found["top"].value <= 1.0) == fits
+    reach = Bob().reach(body, rod, 0.1 + 0.3 * 0.25)
+    assert found["clearance"].value[0, 0] * 0.15 == pytest.approx(reach, rel=0.2)
+    assert "depth" not in found

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, get_args
 import numpy as np
 
 from tpd.core import checks
-from tpd.design.geometry import Geometry, Ratios
+from tpd.design.geometry import DEPTH, TOP, Geometry, Ratios
 from tpd.scene.bob import THICKEST, Bob
 from tpd.scene.scene import Block
 
@@ -53,8 +53,6 @@ MEASURED = {"overturning": "share of runs that overturn", "tilt": "mean tilt", "
 """Words for the measures."""
 THICKNESS = "thickness"
 """Name of the size: half the height of the bob over the largest share of its rod."""
-DEPTH = "depth"
-"""Name of the size: depth of the lower end of the bob below the hinge over the height of the block."""
 _RIGHT_ANGLE = 0.5 * np.pi, "a right angle in rad"
 """Largest angle of a limit. At pi/2 the bob is level with its hinge."""
 _LEAST_TILT = 0.02
@@ -427,14 +425,14 @@ class Clearance(Limit):
         """Return the sizes of the bob: distance from the axis, thickness and depth, each over its limit.
 
         The second is half the height of the bob over the largest value that the rod allows. The third is the
-        depth of the lower end below the hinge over the height of the hinge above the base.
+        depth of the lower end below the hinge over that of the base or, in a frame, of the top of the block.
         """
         exists, mass, rod = replace(geometry, bob=self.bob).body(design)
         high = self.bob.half_height(mass)
         # If no body swings like the point pendulum, `~exists` adds 1, and the bob counts as too thick.
         sizes = {
             THICKNESS: high / (THICKEST * rod) + ~exists,
-            DEPTH: (rod + high) / (geometry.hinge_ratio * geometry.centroid),
+            geometry.obstacle: (rod + high) / geometry.depth,
         }
         return super().sizes(motion, design, geometry) | sizes
 
@@ -544,9 +542,10 @@ LIMIT_KINDS: tuple[type[Limit], ...] = (
 LABELS = {kind.name: kind.label or kind.name for kind in LIMIT_KINDS} | {
     THICKNESS: "thickness (half the height of the bob)",
     DEPTH: "depth (lower end of the bob)",
+    TOP: "top of the block (lower end of the bob)",
 }
 """Words of a report, by the names of the limited sizes."""
-STILL = THICKNESS, DEPTH, Mass.name
+STILL = THICKNESS, DEPTH, TOP, Mass.name
 """Names of the limited sizes that do not depend on the motion."""
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""
@@ -625,12 +624,13 @@ def _is_complete(sized: _Sized) -> bool:
 
 
 def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` if a limit depends on the width of the cavity and the block does not state it."""
-    if limit_of(limits, Clearance) is None or block.cavity_width is not None:
+    """Raise `ValueError` if a limit depends on the width of cavity or frame and the block states none."""
+    if limit_of(limits, Clearance) is None or (block.cavity_width, block.frame_width) != (None, None):
         return
     raise ValueError(
         "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
-        "sides of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or "
-        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in "
+        "sides of the bob: a pendulum needs a cavity in the block, or a frame above it. State the width "
+        "(--cavity, `cavity_width` in [block] or of `Block`; --frame, [frame], `frame_width`), or ignore the "
+        "walls (--no-walls, `clearance = false` in "
         "[limits], or limits without `Clearance`)"
     )

@@ -13,6 +13,9 @@ from tpd.plots.drawing import corners, plot_scene, rod
 from tpd.scene.bob import Bob
 
 CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(amplitude=0.15, frequency=0.8))
+STATUE = tpd.Block(width=0.43, height=1.8, mass=700.0, frame_width=0.8)
+FRAMED = dataclasses.replace(CHIMNEY, block=STATUE)
+"""A solid block below a wider frame."""
 
 
 @pytest.mark.parametrize(
@@ -21,6 +24,7 @@ CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(a
         (examples.SCENE, examples.PENDULUM),
         (CHIMNEY, tpd.Pendulum(mass=2e3, length=0.5, damping_ratio=0.1)),
         (CHIMNEY, None),
+        (FRAMED, tpd.Pendulum(mass=60.0, length=0.5, damping_ratio=0.3, hinge_height=2.5)),
     ],
 )
 def test_the_drawing_is_to_scale_and_complete(scene, pendulum):

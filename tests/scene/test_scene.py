@@ -68,6 +68,12 @@ WRONG = {
     ),
     "low centroid": (*sized(*SIZES, centroid_height=0.03), "between 0.04 and 0.36 m above the base"),
     "no gyration": (*sized(*SIZES, centroid_height=0.21), "`radius_of_gyration` must be stated"),
+    "frame": (*sized(*SIZES, cavity_width=0.08, frame_width=0.2), "must not be stated with `frame_width`"),
+    "hinge in frame": (
+        Scene(Block(**BLOCK, frame_width=0.2), Harmonic(**MOTION)).parameters,
+        {"pendulum": Pendulum(**PENDULUM, hinge_height=0.4)},
+        "above the top of the block, 0.4 m, in its frame, but is 0.4 m",
+    ),
     "base friction": (*sized(*SIZES, base_friction=2.5), "between 0 and 2, but is 2.5"),
     "effective width": (*sized(*SIZES, effective_width=1.01), "`effective_width` must be"),
     "narrow base": (*sized(*SIZES, effective_width=0.19), "`effective_width` must be"),

@@ -109,9 +109,9 @@ def motion_history(
     """Compute the time history of a block under the pulse or record of its scene.
 
     The forces follow from the accelerations along the arcs in closed form. With d the side to which the block
-    tilts, a its half width and b the height of its centroid,
+    tilts, a half the width of its base, b and h the heights of centroid and hinge,
 
-        H = M (x'' - b phi'') + m (x'' - 2 b phi'' + l psi''),   V = (M + m) (g + a d phi'').
+        H = M (x'' - b phi'') + m (x'' - h phi'' + l psi''),   V = (M + m) (g + a d phi'').
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
@@ -147,7 +147,7 @@ def motion_history(
     # Conversion to SI units: tau is time multiplied by omega0.
     up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
     rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
-    mass, z, width = (float(getattr(scene.block, name)) for name in ("mass", "centroid", "width"))
+    mass, z, width = (float(getattr(scene.block, name)) for name in ("mass", "centroid", "base_width"))
     m, length, hinge = 0.0, 0.0, 0.0
     if pendulum is not None:
         m, length, hinge = map(float, (pendulum.mass, pendulum.length, pendulum.hinge_in(scene.block)))

@@ -150,7 +150,7 @@ class Build:
     depth: float
     """Distance from the hinge to the lower end of the hanging bob, m."""
     wall: float
-    """Distance from the axis of the block to the wall, m; NaN if the cavity is not known."""
+    """Distance from the axis of the block to the wall of cavity or frame, m; NaN without."""
     reach: float
     """Largest distance of the body from the axis, m, in all runs of `Design.rod_angle` except the allowed
     share; NaN if there are no runs."""
@@ -319,6 +319,7 @@ def build_of(design: Design) -> Build | None:
     # The condition of uplift is |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`. For a very slow excitation
     # |B| is 1 + kappa mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
+    wall = 0.5 * float(block.clear_width)
     kappa = float(pendulum.hinge_in(block) / block.centroid)
     build = Build(
         bob=bob,
@@ -329,7 +330,7 @@ def build_of(design: Design) -> Build | None:
         rod=rod,
         rod_share=rod_share,
         depth=rod + half,
-        wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
+        wall=wall if math.isfinite(wall) else math.nan,
         reach=float(bob.reach(body, rod, angle)),
         angle=angle,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),

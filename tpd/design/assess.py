@@ -167,7 +167,7 @@ def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **sett
     inputs: dict[str, Any] = settings | {"conditions": conditions}
     # Without a cavity there is no clearance, and the rule of thumb has a bob without size.
     block = scene if isinstance(scene, Block) else scene.block
-    if block.cavity_width is None:
+    if block.cavity_width is None and block.frame_width is None:
         inputs["limits"] = ()
     # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
     # divided.

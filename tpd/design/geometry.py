@@ -12,6 +12,11 @@ from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import STANDARD_GRAVITY, Scene
 
+DEPTH = "depth"
+"""Name of the size: depth of the lower end of the bob below the hinge over the height of the hinge."""
+TOP = "top"
+"""Name of the same size in a frame: depth over the height of the hinge above the top of the block."""
+
 
 class Ratios(NamedTuple):
     """Design of a pendulum, for limits: numbers.
@@ -49,7 +54,7 @@ class Geometry:
     """
 
     centroid: Any
-    """Half the height of the block, b, m."""
+    """Height of the centroid above the base, b, m."""
     block_mass: Any
     """Mass of the block, M, kg."""
     wall: Any
@@ -67,8 +72,10 @@ class Geometry:
     """Shape and density of the bob."""
     gravity: Any = STANDARD_GRAVITY
     """Acceleration of gravity, m/s^2."""
-    hinge_ratio: Any = 2.0
-    """Height of the hinge above the base over that of the centroid, kappa."""
+    depth: Any = np.inf
+    """Depth (m) of the highest obstacle below the hinge: the base or, in a frame, the top of the block."""
+    obstacle: str = DEPTH
+    """Name of the size that compares the lower end of the bob with the obstacle: `DEPTH` or `TOP`."""
 
     @staticmethod
     def of(
@@ -79,6 +86,8 @@ class Geometry:
         The default bob is a ball of steel, and the default hinge is at the top.
         """
         block, slenderness = scene.block, conditions.column("slenderness")
+        hinge = block.height if hinge_ratio is None else hinge_ratio * block.centroid
+        has_frame = block.frame_width is not None
         return Geometry(
             centroid=block.centroid,
             block_mass=block.mass,
@@ -88,7 +97,8 @@ class Geometry:
             length_factor=conditions.column("length"),
             bob=Bob() if bob is None else bob,
             gravity=float(scene.gravity),
-            hinge_ratio=block.height / block.centroid if hinge_ratio is None else hinge_ratio,
+            depth=hinge - (block.height if has_frame else 0.0),
+            obstacle=TOP if has_frame else DEPTH,
         )
 
     def rod(self, design: Ratios) -> Any:

@@ -96,7 +96,7 @@ class Size(NamedTuple):
     """Derivatives with respect to (mu, lam, zeta), (m, n, 3); zero where a derivative does not exist."""
 
 
-_NUMBERS = [x.name for x in fields(Geometry) if x.name != "bob"]
+_NUMBERS = [x.name for x in fields(Geometry) if x.name not in ("bob", "obstacle")]
 """Numbers of the geometry of one condition."""
 
 
@@ -131,7 +131,7 @@ def evaluate_sizes(
     # Without a pair, a pair of ones gives the names of the sizes.
     count, one = m * n, max(m * n, 1)
     flat = jax.tree.map(lambda x: np.resize(x if count else 1.0, (one, *x.shape[2:])), batch)
-    evaluate = _sizes_of(functions, g.bob, slopes)
+    evaluate = _sizes_of(functions, g.bob, g.obstacle, slopes)
     try:
         values, along = in_chunks(evaluate, flat)
     except (TypeError, ValueError, jax.errors.JAXTypeError) as error:
@@ -151,11 +151,13 @@ def evaluate_sizes(
 
 
 @lru_cache(maxsize=64)
-def _sizes_of(functions: tuple[Limit | Objective, ...], bob: Bob, slopes: bool) -> Callable[[Any], Any]:
+def _sizes_of(
+    functions: tuple[Limit | Objective, ...], bob: Bob, obstacle: str, slopes: bool
+) -> Callable[[Any], Any]:
     """Return a function of one motion, for `in_chunks`: all sizes by their names, and their derivatives."""
 
     def sizes(motion: Motion, design: Ratios, numbers: Any) -> OrderedDict[str, Any]:
-        geometry = Geometry(**dict(zip(_NUMBERS, numbers, strict=True)), bob=bob)
+        geometry = Geometry(**dict(zip(_NUMBERS, numbers, strict=True)), bob=bob, obstacle=obstacle)
         every = (f.sizes(motion, design, geometry) for f in functions)
         # JAX keeps the order of this class only. A plain number is a constant, without a derivative.
         return OrderedDict((n, jnp.asarray(x, float).reshape(())) for one in every for n, x in one.items())

@@ -111,6 +111,7 @@ class DesignSpace:
                 twice the height of the block.
         """
         out = dict[str, Any]()
+        block.check_hinge(self.hinge_height)
         if self.hinge_height is not None and self.hinge_height > HIGHEST_HINGE * block.height:
             most = f"twice the height of the block, {2.0 * block.height:g} m"
             raise ValueError(f"`hinge_height` must be at most {most}, but is {self.hinge_height:g} m")

@@ -168,14 +168,14 @@ function steadyRows(now, [largest, alone], pendulum, body) {
   const { tilt, swing } = now, rests = restOf(pendulum).margin > 0;
   const reach = reachOf(scene, body, swing.value + tilt.value * scene.nu);
   const error = body.rod * (swing.error + tilt.error * scene.nu);
-  const clearance = { ...swing, value: scene.cavity / 2 - reach, error };
+  const clearance = { ...swing, value: scene.wall - reach, error };
   return [
     ["tilt", "Steady-state tilt over the slenderness", steadyText(tilt, largest), tilt.source],
     ["without", "Steady-state tilt without a pendulum", steadyText(now.without, alone), now.without.source],
     ["swing", "Steady-state bob angle", textOf(swing, " rad"), swing.source],
     ["rest", "Resting block", rests ? "stays at rest once the bob has settled" : "lifts", EXACT],
     ["clearance", "Clearance to the wall", textOf(clearance, " m"), clearance.source],
-  ].slice(0, scene.cavity && body.exists ? 5 : 4);
+  ].slice(0, scene.wall && body.exists ? 5 : 4);
 }
 
 /** Return the share of a limit as a text, with the digits that decide. */

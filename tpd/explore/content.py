@@ -179,9 +179,12 @@ def block_numbers(problem: Problem) -> dict[str, Any]:
         "centroid": float(block.centroid),
         "kappa": problem.hinge_ratio,
         "hinge": problem.hinge_ratio * float(block.centroid),
+        "depth": float(problem.geometry.depth),
+        "lowest": problem.geometry.obstacle,
         "width": float(block.width),
         # Without a cavity the search has no limit on the clearance, and the drawing no walls.
-        "cavity": None if block.cavity_width is None else float(block.cavity_width),
+        "wall": 0.5 * float(block.clear_width) if np.isfinite(block.clear_width) else None,
+        "frame": block.frame_width is not None,
         "bob": {
             "shape": bob.shape,
             "density": float(bob.density),

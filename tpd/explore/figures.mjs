@@ -134,7 +134,7 @@ function drawPendulum(c, scene, body, angle, color) {
   c.restore();
 }
 
-/** Draw the block and its cavity, in m from the middle of its base, and pendulums as [angle, color]. */
+/** Draw the block and its cavity or frame, in m from the middle of its base, and pendulums as [angle, color]. */
 export function drawBlock(c, scene, body, tilt, pendulums) {
   const corner = (Math.sign(tilt) * scene.width) / 2, { height } = scene;
   c.save();
@@ -142,11 +142,13 @@ export function drawBlock(c, scene, body, tilt, pendulums) {
   c.rotate(tilt);
   c.translate(-corner, -height);
   c.strokeStyle = INK;
-  for (const [width, color] of [[scene.width, STONE], [scene.cavity ?? 0, "white"]]) {
+  const cavity = scene.frame ? 0 : 2 * (scene.wall ?? 0), above = scene.hinge - height;
+  for (const [width, color] of [[scene.width, STONE], [cavity, "white"]]) {
     c.fillStyle = color;
     c.fillRect(-width / 2, 0, width, height);
     if (width) c.strokeRect(-width / 2, 0, width, height);
   }
+  if (scene.frame) c.strokeRect(-scene.wall, -above, 2 * scene.wall, above);
   // The hinge may be below or above the top. The angle of the bob is measured from the vertical.
   c.translate(0, height - scene.hinge);
   if (body) for (const [swing, color] of pendulums) drawPendulum(c, scene, body, swing - tilt, color);

@@ -82,8 +82,8 @@ export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene
   if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {
     add("thickness", half / (0.6 * rod) + (exists ? 0 : 1));
-    add("depth", (rod + half) / scene.hinge);
-    add("clearance", reachOf(scene, body, angle) / (0.5 * scene.cavity));
+    add(scene.lowest, (rod + half) / scene.depth);
+    add("clearance", reachOf(scene, body, angle) / scene.wall);
   }
   if (!motion) return shares;
   if ("stroke" in limits) add("stroke", swing / limits.stroke);

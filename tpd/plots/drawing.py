@@ -165,7 +165,7 @@ def plot_scene(
     hinge = height if pendulum is None else pendulum.hinge_in(scene.block)
     # Half widths (m) and scales (inches per m) of both views. The scales must leave space for the texts on a
     # page of fixed width, and the right view shows the walls if they are not far from the bob.
-    wide = max(half, 0.0 if built is None else built.reach)
+    wide = max(half, 0.0 if built is None else built.reach, 0.5 * (scene.block.frame_width or 0.0))
     scale = min(_TALL / max(height, hinge), _WIDE / (2.0 * wide))
     first = _LEFT + 2.0 * wide * scale + (0.3 if built is None else _BETWEEN)
     side = 0.0 if built is None else max(1.1 * built.reach, min(1.15 * built.wall, 2.5 * built.reach))
@@ -185,13 +185,26 @@ def plot_scene(
             ax.plot([wall, wall], [floor, height], color=INK, lw=0.9)
     ax.plot(0.0, float(scene.block.centroid), "+", ms=7, mew=1.2, color=INK)
     inch = 1.0 / scale
-    _dimension(ax, (-half, height), (half, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
+    if scene.block.frame_width is None:
+        _dimension(ax, (-half, height), (half, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
+    else:
+        c, wider = 0.5 * scene.block.frame_width, f"{number(scene.block.frame_width)} m"
+        _dimension(ax, (-c, hinge), (c, hinge), 0.2 * inch, wider, scale)
+        low = 0.2 * height
+        _dimension(ax, (-half, low), (half, low), 0.05 * inch, f"{number(scene.block.width)} m", scale)
     away = half - wide - 0.35 * inch
     _dimension(ax, (-half, 0.0), (-half, height), away, f"{number(height)} m", scale)
     _base(ax, scene, wide, scale)
     if built is not None:
-        # A hinge above the block is on a mast.
-        ax.plot([0.0, 0.0], [min(height, hinge), hinge], color=INK, lw=1.4)
+        if (frame := scene.block.frame_width) is not None:
+            c = 0.5 * frame
+            ax.plot([-c, -c, c, c], [height, hinge, hinge, height], color=INK, lw=1.4)
+            ax.plot([-max(c, half), max(c, half)], [height, height], color=INK, lw=1.4)
+            left = c - wide - 0.35 * inch
+            _dimension(ax, (-c, height), (-c, hinge), left, f"{number(hinge - height)} m", scale)
+        else:
+            # A hinge above the block is on a mast.
+            ax.plot([0.0, 0.0], [min(height, hinge), hinge], color=INK, lw=1.4)
         _draw(ax, built, hinge, detail=False)
         low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
         _detail(_view(figure, first - 0.8 * _BETWEEN, size[0], low, larger), scene, built, side, larger)
@@ -243,7 +256,9 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         scale: inches per metre.
     """
     inch, p, low = 1.0 / scale, built.pendulum, -min(1.06 * built.depth, _TALL / scale)
-    half, is_hollow = 0.5 * scene.block.width, scene.block.cavity_width is not None
+    half, is_hollow = 0.5 * scene.block.width, math.isfinite(built.wall)
+    # The walls of a frame are thin posts.
+    half = half if scene.block.frame_width is None else built.wall + 0.05 * inch
     # Draw the walls between the cavity and the outer faces, cut off at the edge of the view. A block without
     # a stated cavity is drawn as one solid wall.
     for sign in (-1.0, 1.0):

@@ -67,9 +67,9 @@ _SCOPE: tuple[tuple[Cell, ...], ...] = (
 _CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
-        "Left: block and base, to scale. Right: the pendulum as built, on a larger scale. Dashed: the bob "
-        "at the ends of its swing. The rod has another length in the equations, where bob and rod are a "
-        "point mass.",
+        "Left: block and base, to scale; + is the centroid. Right: the pendulum as built, on a larger scale. "
+        "Dashed: the bob at the ends of its swing. The rod has another length in the equations, where bob "
+        "and rod are a point mass.",
     ),
     "animation.gif": (
         "Animation of the block as seen from its base, without and with the pendulum",
@@ -182,7 +182,9 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
     }
     all_figures = {name: Figure(name, *_CAPTIONS[name]) for name, exists in has_data.items() if exists}
     if design.pendulum is None:
-        all_figures["drawing.svg"] = replace(all_figures["drawing.svg"], caption="Block and base, to scale; + is the centroid.")
+        all_figures["drawing.svg"] = replace(
+            all_figures["drawing.svg"], caption="Block and base, to scale; + is the centroid."
+        )
     return all_figures
 
 

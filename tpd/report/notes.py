@@ -119,7 +119,7 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     """Return a note for every angle at which a solid steel ball would touch the block's walls.
 
     Args:
-        block: block with its cavity.
+        block: block with its cavity or frame.
         pendulum: equivalent point pendulum.
         angles: largest angles (rad) between rod and block, by a phrase that says in which motion they occur.
             The sum of the largest swing and the largest tilt is a safe value.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core.formatting import number, pair_of, per_cent, percent, unanswered, with_and_without
-from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, Clearance, Limit, Reserve
+from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, TOP, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.bob import THICKEST
@@ -126,9 +126,9 @@ def limit(of: Limit) -> str:
 def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
     """Describe the limit on thickness or depth, which belongs to the limit on clearance; None for another
     size. See `usage` for the arguments."""
-    scene, hinge = design.scene, design.problem.space.hinge_height
-    if name == DEPTH:
-        return f"at most {number(float(scene.block.height if hinge is None else hinge))} m, to the base"
+    if name in (DEPTH, TOP):
+        below = "the base" if name == DEPTH else "the top of the block"
+        return f"at most {number(float(design.problem.geometry.depth))} m, to {below}"
     if name != THICKNESS:
         return None
     text = f"at most {THICKEST:g} times the rod"
@@ -289,12 +289,13 @@ def _toppling(scene: Scene) -> str:
 def _block(scene: Scene) -> str:
     block = scene.block
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
-    gyration, wide = block.radius_of_gyration, block.cavity_width
+    gyration, wide = block.radius_of_gyration, block.clear_width
     shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
     # The height of the centroid decides at which acceleration the block lifts, so it is always stated.
     shape += f", centroid at {number(float(block.centroid))} m"
     if block.effective_width is not None:
         shape += f", rocks on {percent(float(block.effective_width))} of its width"
-    # The cavity is always mentioned, because a bob needs one.
-    cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide"
+    # The cavity is always mentioned, because a bob needs one, or a frame.
+    name = "cavity" if block.frame_width is None else "frame"
+    cavity = f"{name} {number(float(wide))} m wide" if math.isfinite(wide) else "no cavity stated"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"

@@ -81,6 +81,7 @@ class Block:
         centroid_height: height of the centroid above the base, m; default half the height.
         restitution: coefficient of restitution e at an impact, in (0, 1], or "housner" (default).
         cavity_width: width of the space in which the bob swings, m; default not stated.
+        frame_width: clear width of a frame above the block, instead of a cavity, m; default no frame.
         base_friction: coefficient of friction of the base, dimensionless; default not known.
         effective_width: share of the width on which the block rocks, 0.2 to 1; default all of it.
 
@@ -118,6 +119,10 @@ class Block:
     cavity_width: Real | None = None
     """Width (m) of the space inside the block in which the bob swings. Default: not stated; a search with a
     limit on the clearance then requires it."""
+    frame_width: Real | None = None
+    """Clear width (m) of a frame or mast above the block in which the bob swings, instead of a cavity. It may
+    be wider than the block, and its mass belongs to the block. The hinge is then above the block, and the bob
+    must not reach down to its top. Default: no frame."""
     base_friction: Real | None = None
     """Coefficient of friction between the base and the ground, dimensionless. It decides whether the block
     slides before it rocks, and does not change any motion. Default: not known."""
@@ -178,9 +183,15 @@ class Block:
         checks.at_most("friction", self.friction, self.slenderness, most)
 
     def _check_cavity(self) -> None:
-        """Check the width of the cavity."""
+        """Check the widths of cavity and frame."""
+        if self.frame_width is not None:
+            checks.positive("frame_width", self.frame_width, *LENGTHS, " m", every=True)
         if self.cavity_width is None:
             return
+        if self.frame_width is not None:
+            raise ValueError(
+                "`cavity_width` must not be stated with `frame_width`: the bob swings in one of them"
+            )
         checks.positive("cavity_width", self.cavity_width, every=True)
         sizes = self.width, self.cavity_width, self.height, self.mass
         # Traced values cannot be compared, and pass.
@@ -199,8 +210,16 @@ class Block:
 
     @property
     def clear_width(self) -> Real:
-        """Distance (m) between the walls on both sides of the bob; infinite if the cavity is not stated."""
-        return math.inf if self.cavity_width is None else self.cavity_width
+        """Distance (m) between the walls of cavity or frame on both sides of the bob; infinite without."""
+        stated = self.cavity_width if self.frame_width is None else self.frame_width
+        return math.inf if stated is None else stated
+
+    def check_hinge(self, height: Real | None) -> None:
+        """Raise `ValueError` if a hinge at a height (m; None for the top) does not fit the block's frame."""
+        if self.frame_width is not None and (height is None or np.any(height <= self.height)):
+            stated = "the top" if height is None else f"{np.min(height):g} m"
+            top = f"above the top of the block, {np.max(self.height):g} m"
+            raise ValueError(f"`hinge_height` must be {top}, in its frame, but is {stated}")
 
     @property
     def centroid(self) -> Real:
@@ -444,6 +463,7 @@ class Scene:
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
             checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
+            block.check_hinge(pendulum.hinge_height)
             if (hinge := pendulum.hinge_height) is None:
                 checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
             else:
