@@ -21,8 +21,10 @@ space={mass=[1, 2.5], length=0.12}
 --pendulum-mass 1 2.5 --pendulum-length 0.12
 space.hinge_height=0.3
 --hinge-height 0.3
-block={width=1,height=5,mass=9e3,centroid_height=2,radius_of_gyration=2}; excitation={amplitude=1,frequency=0.3}
---width 1 --height 5 --mass 9e3 --centroid-height 2 --radius-of-gyration 2 --amplitude 1 --frequency 0.3
+block={width=1, height=5, mass=9e3, radius_of_gyration=2}; excitation={amplitude=1, frequency=0.3}
+--width 1 --height 5 --mass 9e3 --radius-of-gyration 2 --amplitude 1 --frequency 0.3
+block={width=1,height=5,mass=9e3,centroid_height=2.5,frame_width=2}; excitation={amplitude=1,frequency=0.3}
+--width 1 --height 5 --mass 9e3 --centroid-height 2.5 --frame-width 2 --amplitude 1 --frequency 0.3
 block={base_friction=0.6, effective_width=0.9}
 --base-friction 0.6 --effective-width 0.9
 limits={stroke=0.4, clearance=false}

@@ -105,6 +105,10 @@ def test_a_design_as_built_has_the_rod_of_the_real_bob(harmonic, rejected, groun
     most = (1.0 + mu) * nu + k
     assert found.uplift_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
     assert found.uplift_harmonic[1] == pytest.approx(nu + k)
+    assert found.breakaway == pytest.approx(0.05 * with_it.mass * g * with_it.length)
+    # From the toppling tilt the rate is nu; half the base times the rates before and after the impact.
+    jump = (1.0 + 1.0) * 0.05 * nu * np.sqrt(g * float(SCENE.block.inertia_ratio) / 0.2)
+    assert found.impulse == pytest.approx(found.weight / g * jump)
     np.testing.assert_array_equal(found.parts, parts_of(found, with_it.mass * with_it.length**2))
     assert found.reach == pytest.approx(found.bob.reach(found.mass, found.rod, found.angle))
     assert build_of(rejected) is None

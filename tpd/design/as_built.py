@@ -45,6 +45,8 @@ ARM, _PLACE, STOPPING = 0.25, 3.0, 0.1
 """Three ratios: the arm of the linear damper over the length of the rod; the smallest distance between axis
 and wall over half the stroke of the damper, so that a damper as long as its stroke fits in; and the stopping
 distance of a stop over the free distance of the bob."""
+_BREAKAWAY = 0.05
+"""Largest moment that may hold the hinge, over m g l."""
 _PULL, _HALF, _MOST = 0.1, 0.5, 400
 """Tilt of a pull test over the toppling tilt, share of this tilt at which counting ends, and largest number
 of impacts."""
@@ -165,6 +167,12 @@ class Build:
     """Angle that the pendulum reaches on the other side after it is released, over the angle of release."""
     weight: float
     """Weight of bob and rod that acts on the top of the block, N."""
+    breakaway: float
+    """Largest moment that may hold the hinge, N m: 0.05 m g l. In a study of a column four times this moment
+    took half of the benefit, and a stuck hinge all of it."""
+    impulse: float
+    """Vertical impulse on the hinge, N s, at an impact with the largest rate of a block that comes back from
+    the toppling tilt without excitation: its hinge then changes its velocity by (1 + e) a omega0 nu."""
     loads: Loads
     """Largest loads on rod, hinge and base."""
     uplift_harmonic: tuple[float, float] | None
@@ -320,6 +328,7 @@ def build_of(design: Design) -> Build | None:
     # |B| is 1 + kappa mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
     wall = 0.5 * float(block.clear_width)
+    jump = 0.5 * float((1.0 + block.velocity_ratio) * block.base_width * scene.rate * block.slenderness)
     kappa = float(pendulum.hinge_in(block) / block.centroid)
     build = Build(
         bob=bob,
@@ -337,6 +346,8 @@ def build_of(design: Design) -> Build | None:
         damping=float(pendulum.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
+        breakaway=_BREAKAWAY * mass * g * length,
+        impulse=body * (1.0 + rod_share) * jump,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
         uplift_harmonic=problem.lifts(pendulum),
         uplift_slow_fast=(capacity / (1.0 + kappa * mu), capacity),

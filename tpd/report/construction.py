@@ -50,6 +50,17 @@ def _sizes(design: Design, build: Build) -> Table:
         ("weight on the hinge", _force(build.weight), "of bob and rod, on the beam that carries the hinge"),
         ("largest force along the rod", _force(loads.tension), None),
         ("largest force of the hinge on its beam", _force(loads.hinge), "if the damper is at the hinge"),
+        (
+            "hinge, largest breakaway moment",
+            f"{number(build.breakaway, 3)} N m",
+            "0.05 m g l, a requirement on the bearing, and to be maintained: with four times as much half of "
+            "the benefit can be lost, and all of it if the hinge is stuck",
+        ),
+        (
+            "impulse on the hinge at an impact of the base",
+            f"{number(build.impulse, 3)} N s",
+            "vertical, at the largest rate of a block that comes back from the toppling tilt",
+        ),
         ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
         ("largest power of the damper", f"{number(build.damper_power)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
