@@ -46,7 +46,7 @@ def run_with(monkeypatch, tmp_path):
 
         def search(problem, progress):
             inputs.update(problem.inputs)
-            return design
+            return replace(design, problem=replace(design.problem, job=problem.job))
 
         monkeypatch.setattr(optimise, "solve_problem", search)
         monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")

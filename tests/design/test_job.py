@@ -156,10 +156,7 @@ def test_a_job_states_accelerations_in_g():
     assert (job.conditions.intensity, job.conditions.scales) == ("pga", (0.3,))
     of_python = tpd.Conditions.records(job.motions, [0.3], intensity="pga")
     for conditions in (job.conditions, of_python):
-        problem = GroundMotionProblem.of(job.block, conditions)
         assert motion_factors(job.scene, conditions) == pytest.approx([0.3 * g / m.pga for m in job.motions])
-        motion = problem.tables["excitation"]
-        assert (motion["intensity"], motion["scales"]) == ("pga", [0.3])
     one = jobs.job_of({"excitation": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
     assert one.shaking.pga == pytest.approx(0.3 * g)
 

@@ -146,7 +146,7 @@ def read_case(options: argparse.Namespace) -> Case:
     if any(others) or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
         raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
-    return Case(jobs.job_of(*jobs.merge_tables(design.tables, tables)), design.pendulum)
+    return Case(jobs.job_of(*jobs.merge_tables(design.job.tables, tables)), design.pendulum)
 
 
 def set_up_jax(job: jobs.Job) -> None:

@@ -23,7 +23,7 @@ _FEWEST_LINES = 12
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Search, validate, write the report, print the answer and return the exit status."""
     job, messages = case.job, case.job.all_messages
-    problem = problem_of(job.scene, **job.settings)
+    problem = problem_of(job)
     # The report needs the date. An invalid `SOURCE_DATE_EPOCH` must be rejected before the search, and not
     # minutes later.
     files.today()
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     how = {"then": partial(_show, options), "warn": lambda message: progress.say(f"tpd: {message}")}
     how |= {"overwrite": options.overwrite, "lines": lines}
-    write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
+    write(options.out, design, shown, **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 

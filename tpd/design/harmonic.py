@@ -20,7 +20,6 @@ from tpd.core import checks
 from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
-from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import Reason, ReasonKind
@@ -30,7 +29,6 @@ from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
 from tpd.limits import (
     DEFAULT_LIMITS,
-    OBJECTIVES,
     Objective,
     Settling,
     check_objective,
@@ -183,36 +181,6 @@ class HarmonicProblem(Problem):
             )
         model.check(heaviest)
         return model
-
-    @property
-    def job(self) -> Job:
-        """See `Problem.job`."""
-        job = super().job
-        conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
-        # Scatter with another seed, or a combination in another order, gives other conditions.
-        rows = conditions.factor_rows(), self.conditions.factor_rows()
-        if job.scene != self.scene or not np.array_equal(*rows):
-            raise ValueError(
-                "a job file cannot describe the conditions of this problem. It allows bands, amplitudes and "
-                f"scatter, but the conditions are {', '.join(self.conditions.description) or 'of Python'}"
-            )
-        return job
-
-    @property
-    def tables(self) -> dict[str, dict[str, Any]]:
-        """See `Problem.tables`."""
-        names = [name for name, objective in OBJECTIVES.items() if objective == self.objective]
-        if not names:
-            raise ValueError("a job file cannot describe an objective that exists only in Python")
-        tables = super().tables
-        return tables | {
-            "search": tables["search"] | {"objective": names[0]},
-            "excitation": vars(self.scene.excitation),
-            # Runs without a seed of their own use the seed of the search.
-            "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
-            "starts": {"kind": "rest" if self.rest_counts else "any"},
-            **(self.conditions.tables or {}),
-        }
 
     @cached_property
     def orbits(self) -> Orbits:

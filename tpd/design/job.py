@@ -374,16 +374,16 @@ class Job(ABC):
         return self._validation[0]
 
     @property
-    def validation_notes(self) -> tuple[str, ...]:
-        """Sentences on what was left out of the validation records, or assumed about them."""
-        return tuple(self._validation[1])
+    def file_notes(self) -> tuple[str, ...]:
+        """Notes on all records, followed by those on the validation records."""
+        return (*self.notes, *self._validation[1])
 
     @property
     def all_messages(self) -> tuple[str, ...]:
         """Messages as in `messages`, followed by those on the validation records."""
         groups = self.validation_share if isinstance(self.validation_share, dict) else {}
         lines = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
-        return (*self.messages, *lines, *self.validation_notes)
+        return (*self.messages, *lines, *self._validation[1])
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,6 @@ class DesignSpace:
     hinge_height: checks.Real | None = None
     """Height of the hinge above the base in m, up to twice the height of the block (default: its top)."""
 
-    table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
-    """Bounds as they were stated, as in the table [space] of a job file."""
-
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
             in_si, as_ratio = getattr(self, name), getattr(self, ratio)
@@ -95,10 +92,8 @@ class DesignSpace:
             number = checks.within if name == "damping_ratio" else checks.positive
             check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
             checks.set_checked(self, check, name, *_RANGES[name])
-        self.table.update({name: getattr(self, name) for name in names})
         if self.hinge_height is not None:
             checks.set_checked(self, checks.positive, "hinge_height", *LENGTHS)
-            self.table["hinge_height"] = self.hinge_height
         if not any(isinstance(getattr(self, name), tuple) for name in names):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
@@ -133,17 +128,11 @@ class DesignSpace:
             out["length_ratio"] = (low, min(high, longest))
         for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
             checks.at_most("length_ratio", x, longest, "the height of the hinge over half that of the block")
-        return self.with_ratios(**out)
+        return replace(self, **out)
 
     def hinge_ratio(self, block: Block) -> float:
         """Return the height of the hinge over half the height of a block, kappa."""
         return 2.0 if self.hinge_height is None else float(self.hinge_height / block.half_height)
-
-    def with_ratios(self, **bounds: Any) -> DesignSpace:
-        """Return the space with other bounds that follow from the stated ones, whose table it keeps."""
-        out = replace(self, **bounds)
-        object.__setattr__(out, "table", self.table)
-        return out
 
     @property
     def ends(self) -> np.ndarray:

@@ -33,8 +33,8 @@ class StoredDesign(Printed):
     """Verdict on the design."""
     pendulum: Pendulum | None
     """Pendulum of the design, in SI units; None if none is recommended."""
-    tables: dict[str, Any]
-    """Tables of the job file that repeats the search."""
+    tables: dict[str, Any] | None
+    """Tables of the job file that repeats the search; None for a design of Python objects."""
     versions: dict[str, str]
     """Versions of the packages that computed the design, by name."""
     content: dict[str, Any]
@@ -46,7 +46,13 @@ class StoredDesign(Printed):
         `tpd.optimise`.
 
         Records are read again from their files.
+
+        Raises:
+            ValueError: the design was not made from a job.
         """
+        if self.tables is None:
+            remedy = "give a job file and the pendulum, or pass a `tpd.Job` to `tpd.optimise`"
+            raise ValueError(f"{self.path} has no job, because its design was made in Python: {remedy}")
         return job_of(self.tables)
 
     def __str__(self) -> str:
@@ -92,14 +98,14 @@ def read_design(path: str | Path) -> StoredDesign:
     try:
         stored = StoredDesign(
             path=file,
-            tables=_key(content, "job", dict),
+            tables=None if content.get("job", {}) is None else _key(content, "job", dict),
             pendulum=_pendulum(content),
             status=_status(content),
             versions=_key(content, "versions", dict),
             content=content,
         )
         # Build the job now: a damaged file is rejected here, and not later when the job is used.
-        _ = stored.job
+        _ = stored.tables and stored.job
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None
     return stored

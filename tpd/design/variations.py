@@ -210,7 +210,7 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
     middle = float(block.half_height)
     if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
-        lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
+        lower = replace(problem, space=replace(problem.space, hinge_height=middle))
         yield linear("hinge", words="hinge at mid-height", problem=lower)
 
 

@@ -160,8 +160,7 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
             job, answer = subject, Answer()
         case _:
             return problem_of(subject), Answer()
-    title = str(job.tables.get("project", {}).get("name", ""))
-    return problem_of(job.scene, **job.settings), answer._replace(title=title)
+    return problem_of(job), answer._replace(title=job.full["project"]["name"] or "")
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:

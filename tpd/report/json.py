@@ -5,7 +5,6 @@ The file `design.schema.json` describes its format."""
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -36,9 +35,7 @@ _DESIGN = (
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
-def as_json(
-    design: Design, details: Details, first: Summary, job_tables: dict[str, Any], notes: Sequence[str] = ()
-) -> str:
+def as_json(design: Design, details: Details, first: Summary) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
     p = problem.parameters(pendulum)
@@ -64,7 +61,7 @@ def as_json(
         "requirements": replace(problem.requirements, wall_contacts=problem.allowed, reduce=measure),
         "limits": limits,
         "utilisation": design.usage,
-        "job": job_tables,
+        "job": problem.job and problem.job.tables,
         "versions": files.versions(),
         "parameters": p and {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "runs": design.runs,
@@ -74,7 +71,7 @@ def as_json(
         "search": design.search,
         "records": {
             "files": [{"group": name, **facts} for name, facts in words.records(design)],
-            "notes": list(notes),
+            "notes": list(problem.job.file_notes if problem.job else ()),
         },
     }
     return files.as_json(json_of(entries))
