@@ -14,7 +14,7 @@ import numpy as np
 
 from tpd.core.checks import PLAUSIBLE
 from tpd.core.files import label_of, path_of
-from tpd.core.formatting import meant, number
+from tpd.core.formatting import called, meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
@@ -65,7 +65,7 @@ def read_motions(
     omitted, messages, stated = list[str](), list[str](), list[str]()
     for name in events or ():
         if not path_of(name).exists():
-            raise FileNotFoundError(f"`events` must name files and folders, but there is no {name}")
+            raise FileNotFoundError(f"{called('events')} must name files and folders, but there is no {name}")
     named = {path_of(name).resolve(): event for name, event in (events or {}).items()}
 
     for name in names:
@@ -115,7 +115,9 @@ def read_motions(
                     record = replace(record, event=named[own], notes=(*record.notes, STATED))
                 read.append(record)
     for option, count in sorted(Counter(stated).items()):
-        messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
+        messages.append(
+            f"note: {called(option)} does not apply to {count} of the files in folders: they state it"
+        )
     # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated(read)
     repeats = [(record.source, why) for record, why in zip(read, reasons, strict=True) if why]
@@ -127,7 +129,9 @@ def read_motions(
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
     if not motions:
-        hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
+        hint = (
+            f"; {called('channel')} selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
+        )
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record in motions]

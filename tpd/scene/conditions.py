@@ -298,11 +298,10 @@ class Conditions:
         Raises:
             ValueError: there is no factor, or a factor is not positive.
         """
-        if not factors:
-            raise ValueError("`factors` must contain at least one number, but is empty")
-        factors = tuple(checks.positive("factors", factor) for factor in factors)
+        numbers = checks.array("factors", factors, (-1,), "one or more numbers")
+        checks.positive("factors", numbers, every=True)
         phrase = f"amplitude factors {', '.join(f'{x:g}' for x in factors)}"
-        return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
+        return Conditions({"amplitude": numbers}, (phrase,))
 
     @staticmethod
     def records(
