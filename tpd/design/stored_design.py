@@ -18,7 +18,7 @@ from tpd.design.job import Job, job_of, naming
 from tpd.design.reasons import DesignStatus
 from tpd.scene.scene import Pendulum
 
-VERSION = 14
+VERSION = 15
 """Version of the file. It increases when a key that is read here changes its meaning or is removed."""
 _TYPES = {dict: "a table", str: "a text"}
 

@@ -20,6 +20,7 @@ from tpd.design.reasons import Reason
 from tpd.design.sizes import MOTION_KINDS
 from tpd.design.stored_design import VERSION
 from tpd.design.trend import Trend
+from tpd.design.variations import Dependence
 from tpd.report import words
 from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
@@ -32,6 +33,7 @@ _DESIGN = (
     "space",
     "seed",
 )
+_COMPARISON = "pairs", "undecided", "benefit", "overturning_reduction"
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
@@ -87,6 +89,11 @@ def json_of(x: Any) -> Any:
         # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
             return json_of(x.summary())
+        case Dependence():
+            # A variation is compared with the stated design: all else of its runs would repeat much.
+            runs = {name: getattr(x.runs, name) for name in _COMPARISON}
+            changes = [x.runs.change(name) for name in ("mean tilt", "overturned")]
+            return json_of(x._asdict() | {"runs": runs | {"changes": changes}})
         case Trend():
             # The trend follows from the trials, which are written as well.
             return None
