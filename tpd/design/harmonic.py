@@ -53,9 +53,9 @@ _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCH_CONDITIONS = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
-_SAME = 1e-6
+_MATCH_TOLERANCE = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
-_SMOOTH = 0.2
+_LEAST_RESTITUTION = 0.2
 """Smallest velocity ratio of impacts for which descents use smoothed impacts."""
 
 
@@ -168,7 +168,7 @@ class HarmonicProblem(Problem):
         # space.
         heaviest = under_all(self._parameters, self.space.ends[1:], self.conditions)
         # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
-        is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH)
+        is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _LEAST_RESTITUTION)
         named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if is_smooth else Piecewise()}
         model: Any = self.method.model
         if model is None or isinstance(model, str):
@@ -379,7 +379,9 @@ class HarmonicProblem(Problem):
         sizes["settled_swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["settled_swing"])
         # A run only approaches an orbit, but the orbit itself is known to rounding: use its values.
         amplitude = e.tilt[0] * np.asarray(q.nu)
-        is_orbit = (np.abs(sizes["settled_tilt"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
+        is_orbit = (np.abs(sizes["settled_tilt"] - amplitude) <= _MATCH_TOLERANCE * amplitude) & (
+            amplitude > 0.0
+        )
         for name, exact in (("settled_tilt", amplitude), ("settled_swing", e.swing[0])):
             sizes[name] = np.where(is_orbit, exact, sizes[name])
         overturned = outcome == code_of(Status.overturned)

@@ -40,7 +40,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PROMISING = 0.3
+_PROMISED_SHARE = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
 
@@ -166,7 +166,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
             break
         # Stop when even the trend of the best remaining design promises too little.
-        if not refinement.promises(1.0 - _PROMISING * problem.requirements.at_least):
+        if not refinement.promises(1.0 - _PROMISED_SHARE * problem.requirements.at_least):
             break
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
@@ -181,7 +181,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     )
 
 
-_LEAST, _LIGHTER = 1.0 / 16.0, 3
+_LEAST_MASS, _BOBS = 1.0 / 16.0, 3
 """Smallest mass of a front as a share of the largest one, and default number of lighter bobs."""
 
 
@@ -236,7 +236,7 @@ def front(
         raise ValueError("`design` has a bob of fixed mass, so that lighter bobs cannot be compared with it")
     # The first mass of the sequence is the lower end itself, and the last one is the design: both are left
     # out.
-    shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
+    shares = np.geomspace(max(low, high * _LEAST_MASS), high, _BOBS + 2)[1:-1] if most is None else most
     shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
     if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
         raise ValueError(

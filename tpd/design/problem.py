@@ -53,7 +53,7 @@ share, as a margin for chance in the validation runs; and smallest ratio of both
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
-_SCATTERED = {
+_SCATTER_LABELS = {
     "mass": "the bob's mass",
     "length": "the rod's length",
     "damping": "the hinge's damping",
@@ -232,7 +232,7 @@ class Problem(ABC):
             if isinstance(width, Normal):
                 normal.append(str(width))
             elif not (without_pendulum and name in ("mass", "length", "damping")):
-                by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+                by_width.setdefault(width, []).append(_SCATTER_LABELS.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
         return "; ".join([*listed, *normal]) or "none"
 

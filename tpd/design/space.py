@@ -33,7 +33,7 @@ _RANGES = {
     "length": LENGTHS,
 }
 """Largest ranges of a design space."""
-_SMALL = 0.01
+_LINEAR_SHARE = 0.01
 """Share of an upper bound below which shares of the bounds are no longer logarithmic."""
 
 
@@ -176,7 +176,7 @@ class DesignSpace:
         """Numbers that are added to the varied parameters before the logarithm is taken, (len(names),)."""
         low, high = self.bounds
         # A bound may be zero, or so small that most of a logarithmic range would have no effect.
-        return np.maximum(_SMALL * high - low, 0.0)
+        return np.maximum(_LINEAR_SHARE * high - low, 0.0)
 
     def logarithms(self, designs: np.ndarray) -> np.ndarray:
         """Return the logarithms of the varied parameters of designs (..., 3), shape (..., len(names)).

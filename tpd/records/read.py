@@ -35,11 +35,11 @@ _UPWARD = re.compile(r"(?i)(?:^|[-_. \d])(?:up|ud|dwn|vert?|vertical|[a-z][hln]z
 """Pattern of the name of a file that may contain a vertical component."""
 _TRACE = re.compile(r"(\w*\.\w+)\.(\w*)\.(\w\w)\w")
 """Pattern of the name of a channel with a SEED code: station, location, sensor."""
-_FEW = 3
+_MOST_LINES = 3
 """Largest number of records that are described one by one."""
 _SMALLEST_PGA = 0.001
 """Smallest plausible PGA, g. People feel about 0.001 g."""
-_ROUNDING, _RESAMPLING, _ALIKE = 0.01, 0.1, 0.75
+_ROUNDING, _RESAMPLING, _CORRELATION = 0.01, 0.1, 0.75
 """Largest difference of two copies over their peak, also with two time steps, and smallest correlation of two
 processings of one channel. Two components of one station have at most 0.55."""
 
@@ -205,7 +205,7 @@ def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
         return 1.0
     # An offset of the instrument and a filter change a channel.
     a, b = a - a.mean(), b - b.mean()
-    return 0.5 if a @ b > _ALIKE * max(a @ a, b @ b) else 0.0
+    return 0.5 if a @ b > _CORRELATION * max(a @ a, b @ b) else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
@@ -280,7 +280,7 @@ def described(motions: Sequence[Any]) -> list[str]:
     """Return lines for a terminal about the records that were read: one line for each of a few, or one for
     all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
-    if len(read) > _FEW:
+    if len(read) > _MOST_LINES:
         # Show the smallest and the largest values. All values are in the report and in the JSON of the
         # command.
         ranges = []
