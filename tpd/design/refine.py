@@ -38,7 +38,7 @@ _WIDTHS = 0.02, 0.5
 """Smallest and largest relative change of a proposal near a good design."""
 _CHUNK, _MOST_PROPOSALS = 32, 320
 """Number of proposals whose limits without runs are computed together, and largest number of a round."""
-_COMPARISON_SIZES, _COMPARISONS = (1, 2), 4
+_COUNTS, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
 number of comparisons."""
 _NOISE = 0.005
@@ -254,12 +254,8 @@ class Refinement:
             # designs further inside follow. Otherwise only trials far away would keep the limits.
             if turn and len(new := self.next(_BATCH, _DISTANCES[1], (turn - 1) * _INCREMENT)):
                 self.evaluate(new)
-            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[
-                : _COMPARISON_SIZES[turn > 0]
-            ]:
-                self.progress(
-                    "comparing", done := len(self.comparisons) + 1, max(done, sum(_COMPARISON_SIZES))
-                )
+            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _COUNTS[turn > 0]]:
+                self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_COUNTS)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:

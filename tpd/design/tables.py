@@ -144,13 +144,11 @@ _COMPARISON = Need(
     "more than the stated motion (no `exactly`)",
     lambda full: full["limits"]["worsening"] in _OFF_VALUES or not full["conditions"]["exactly"],
 )
-_RUN_LIMIT = Need(
+_LIMITS = Need(
     "a limit on runs in [limits]",
     lambda full: any(full["limits"][kind.name] not in _OFF_VALUES for kind in LIMIT_KINDS if kind.of_motion),
 )
-_DISTURBED_SHARE = Need(
-    "a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0
-)
+_PUSHES = Need("a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0)
 _DAMPER = Need("a `space.damping_ratio` above 0", lambda full: full["space"]["damping_ratio"] != 0.0)
 _CONTACT_FRICTION = Need("a `block.friction` above 0", lambda full: full["block"]["friction"] != 0.0)
 _MOTION_SIZE = Need(
@@ -161,9 +159,7 @@ _MOTION_SIZE = Need(
     ),
 )
 _CYLINDER = Need("`bob.shape` cylinder", _is("bob", "shape", "cylinder"))
-_SINGLE_MOTION = Need(
-    "a single motion (no band, no amplitudes and no scatter)", lambda full: size_of(full) == 1
-)
+_MOTION = Need("a single motion (no band, no amplitudes and no scatter)", lambda full: size_of(full) == 1)
 _CONDITION_SET = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _BAND = Need("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"]))
 _WIDTH = Need("a width in [scatter]", lambda full: bool(widths_of(full)))
@@ -239,7 +235,7 @@ class _Reading(msgspec.Struct):
 
 
 class _Conditions(msgspec.Struct):
-    exactly: Annotated[bool, Key("--exactly", _HARMONIC, _SINGLE_MOTION)] = False
+    exactly: Annotated[bool, Key("--exactly", _HARMONIC, _MOTION)] = False
     """Search only for the stated motion, with a point bob, as in the paper."""
     band: Annotated[tuple[float, float] | None, Key("LO HI", _HARMONIC)] = None
     """Ends of a band of frequencies, Hz (default: around the frequency)."""
@@ -384,9 +380,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "scatter": of_ground_motions({name: Key(type=float, help=(Ensemble, name)) for name in FACTORS}),
     "starts": keys_of(_Starts),
     "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
-    "requirements": keys_of(
-        Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_RUN_LIMIT)
-    ),
+    "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITS)),
     "search": {
         **_descent,
         **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N")),
@@ -398,7 +392,7 @@ TABLES: dict[str, dict[str, Key]] = {
         keys_of(
             Ensemble,
             size=Key(defaults={"harmonic": VALIDATION_RUNS}),
-            **dict.fromkeys(DISTURBANCE, Key(need=_DISTURBED_SHARE)),
+            **dict.fromkeys(DISTURBANCE, Key(need=_PUSHES)),
             friction=Key(need=_CONTACT_FRICTION),
             damping=Key(need=_DAMPER),
         )

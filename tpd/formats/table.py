@@ -387,9 +387,8 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     is_other = "time" in meanings or "vertical" in meanings or any(meanings <= pair for pair in _HORIZONTAL)
     differ = len(meanings) > 1 and is_other
     if _OTHER.search(cell) or len(units) > 1 or differ:
-        raise UnreadableRecord(
-            f"the header names column {at} {quote(cell)}, but {called('columns')} names it {name!r}"
-        )
+        other = f"{called('columns')} names it {name!r}"
+        raise UnreadableRecord(f"the header names column {at} {quote(cell)}, but {other}")
     return at - 1, replace(column, unit=column.unit or says.unit)
 
 
@@ -402,9 +401,8 @@ def _channels(
     motions = {i: column for i, column in columns.items() if column.meaning != "time"}
     times = [i for i in columns if i not in motions]
     if not motions or len(times) > 1:
-        raise UnreadableRecord(
-            f"{called('columns')} must have at most one time, and accelerations: {how.columns}"
-        )
+        wrong = f"must have at most one time, and accelerations: {how.columns}"
+        raise UnreadableRecord(f"{called('columns')} {wrong}")
     for i in times:
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)

@@ -115,9 +115,8 @@ def read_motions(
                     record = replace(record, event=named[own], notes=(*record.notes, STATED))
                 read.append(record)
     for option, count in sorted(Counter(stated).items()):
-        messages.append(
-            f"note: {called(option)} does not apply to {count} of the files in folders: they state it"
-        )
+        where = f"{count} of the files in folders: they state it"
+        messages.append(f"note: {called(option)} does not apply to {where}")
     # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated(read)
     repeats = [(record.source, why) for record, why in zip(read, reasons, strict=True) if why]
@@ -129,9 +128,8 @@ def read_motions(
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
     if not motions:
-        hint = (
-            f"; {called('channel')} selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
-        )
+        vertical = any(VERTICAL in why for why in omitted)
+        hint = f"; {called('channel')} selects a vertical one" if vertical else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record in motions]
