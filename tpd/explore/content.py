@@ -85,7 +85,6 @@ class Validation(NamedTuple):
 class Answer(NamedTuple):
     """Answer of `optimise` as the page needs it; empty for a job or a scene."""
 
-    title: str = ""
     verdict: str = ""
     pendulum: Pendulum | None = None
     """Recommended pendulum; None where no pendulum is recommended."""
@@ -115,7 +114,7 @@ def content(subject: Subject) -> dict[str, Any]:
     }
     out = {
         "version": tpd.__version__,
-        "title": answer.title,
+        "title": (problem.job and problem.job.full["project"]["name"]) or "",
         "verdict": answer.verdict,
         "scene": block_numbers(problem),
         "limits": limits,
@@ -142,7 +141,7 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
                 for v in subject.validated
             )
             more = subject.pendulum, validations, subject.equivalent
-            return subject.problem, Answer("", subject.status.value, *more)
+            return subject.problem, Answer(subject.status.value, *more)
         case StoredDesign():
             # The file has the same numbers as a design, under the names of the fields.
             validations = tuple(
@@ -155,12 +154,10 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
                 for v in subject.content.get("validated", ())
             )
             verdict, equivalent = (subject.content.get(name) for name in ("verdict", "equivalent"))
-            job, answer = subject.job, Answer("", verdict or "", subject.pendulum, validations, equivalent)
-        case Job():
-            job, answer = subject, Answer()
+            answer = Answer(verdict or "", subject.pendulum, validations, equivalent)
+            return problem_of(subject.job), answer
         case _:
             return problem_of(subject), Answer()
-    return problem_of(job), answer._replace(title=job.full["project"]["name"] or "")
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
