@@ -48,8 +48,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 def _show(options: argparse.Namespace, report: Report) -> None:
     """Print the answer in the form that the options choose: by default the text of the report."""
     if options.json:
-        print_answer((options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n"))
+        print_answer((options.out / files.REPORT).read_text(encoding="utf-8").rstrip("\n"))
     elif options.quiet:
         print_answer(report.summary.verdict.marked, str(options.out))
     else:
-        print_answer("", text(report).removesuffix("\n"))
+        print_answer("", text(report).rstrip("\n"))
