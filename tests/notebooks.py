@@ -43,7 +43,10 @@ def make_small() -> None:
     at_full, front_of, records_of = tpd.optimise, tpd.front, tpd.records.fema_p695
 
     @wraps(at_full)
-    def optimise(*args, method=None, ensemble=None, conditions=None, **others):
+    def optimise(scene, *args, **others):
+        if isinstance(scene, tpd.Job):
+            scene, others = scene.scene, scene.settings | others
+        conditions, method, ensemble = (others.get(x) for x in ("conditions", "method", "ensemble"))
         if conditions is not None and conditions.motions:
             method = replace(method or tpd.GroundSearch(), designs=8, steps=2)
         else:
@@ -58,7 +61,7 @@ def make_small() -> None:
             }
             method = replace(method or tpd.Descent(), **small)
             ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
-        return at_full(*args, method=method, ensemble=ensemble, conditions=conditions, **others)
+        return at_full(scene, *args, **others | {"method": method, "ensemble": ensemble})
 
     tpd.optimise = optimise
     tpd.front = lambda design, lighter: front_of(design, lighter[:1])

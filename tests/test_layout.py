@@ -90,8 +90,7 @@ def test_no_module_compares_the_name_of_an_excitation():
 READERS = {
     "tpd.cli.options": "words of the command line, and messages of argparse",
     "tpd.cli.new": "the template of a job file",
-    "tpd.cli.optimise": "the line break at the end of a file",
-    "tpd.design.job": "errors of other modules and of the reader of TOML",
+    "tpd.design.job": "columns of a user, and errors of the reader of TOML",
     "tpd.design.sizes": "errors of JAX",
     "tpd.design.tables": "docstrings",
     "tpd.explore.page": "modules of the page",

@@ -38,8 +38,8 @@ def test_options_supply_the_unit_and_time_step_of_a_plain_record(run, tmp_path):
     (folder / "a.txt").write_text(TIMELESS)
     (folder / "a.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
     words = ("fragility", COLUMN, "--scales", "1", "2", "--records", str(folder))
-    assert "give `excitation.dt` (--dt) in s, such as dt = 0.01" in run(*words).err
-    assert "give `excitation.unit` (--unit), such as unit = 'g'" in run(*words, "--dt", "0.01").err
+    assert "give `excitation.dt` (--dt) in s, such as 0.01" in run(*words).err
+    assert "give `excitation.unit` (--unit), such as g" in run(*words, "--dt", "0.01").err
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
     assert "a.VT2 (velocity)" in done.out

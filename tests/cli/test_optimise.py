@@ -46,7 +46,7 @@ def run_with(monkeypatch, tmp_path):
 
         def search(problem, progress):
             inputs.update(problem.inputs)
-            return design
+            return replace(design, problem=replace(design.problem, job=problem.job))
 
         monkeypatch.setattr(optimise, "solve_problem", search)
         monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
@@ -210,7 +210,7 @@ def test_validation_records_of_a_search_earthquake_are_left_out(tmp_path):
         (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))
     names = [str(tmp_path / name) for name in texts]
     job = jobs.job_of({"excitation": {"records": names[:1], "validation_share": names[1:], "scales": [1.0]}})
-    assert job.validation_notes == (
+    assert job.file_notes == (
         "validation, b.AT2: left out, because the search uses the same earthquakes: b.AT2",
     )
 

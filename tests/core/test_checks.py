@@ -135,8 +135,8 @@ CALLS = {
     "DesignSpace(mass=(1, 2, 3))": "`mass` must be a pair of numbers (low, high), but is (1, 2, 3)",
     "DesignSpace(mass_ratio=(nan, 0.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is",
     "Conditions.band(scene, 3.0, 2.0)": "`band` must be an interval low < high within",
-    "Conditions.amplitudes()": "`factors` must contain at least one number",
-    "Conditions.amplitudes(0.0)": "`factors` must be positive and finite, but is 0",
+    "Conditions.amplitudes()": "`factors` must be one or more numbers, all finite, but is ()",
+    "Conditions.amplitudes(0.0)": "`factors` must be positive and finite, but is [0.]",
     'Conditions({"colour": np.ones(2)})': "`factors` must be one of amplitude, frequency, friction",
     'Conditions({"friction": [1.0, nan]})': "`friction` must be a vector of factors, all finite, but is [1.0",
     'Conditions({"mass": [1.0], "length": [1.0, 1.1]})': "`factors` must be of one length, but have lengths",
@@ -323,6 +323,6 @@ def test_an_unknown_or_old_name_gets_a_hint_with_the_new_name():
 
 def test_a_class_with_checked_keywords_keeps_its_signature_and_its_name():
     assert list(inspect.signature(tpd.Block).parameters)[:3] == ["width", "height", "mass"]
-    assert inspect.signature(tpd.optimise).parameters["seed"].default == 0
+    assert inspect.signature(tpd.optimise).parameters["seed"].default is None
     assert (tpd.Block.__init__.__name__, tpd.optimise.__name__) == ("__init__", "optimise")
     assert pickle.loads(pickle.dumps(tpd.optimise)) is tpd.optimise

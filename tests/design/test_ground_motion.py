@@ -265,12 +265,3 @@ def test_the_design_does_not_depend_on_the_order_of_the_records():
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
-
-
-def test_the_job_of_a_problem_contains_its_hazard():
-    motions = [tpd.records.el_centro(), tpd.records.loma_prieta()]
-    hazard = tpd.Hazard(levels=[0.1, 0.5], rates=[0.02, 1e-3])
-    conditions = tpd.Conditions.records(motions, (1.5, 2.0), hazard=hazard)
-    block = dataclasses.replace(BLOCK, restitution="housner")
-    job = GroundMotionProblem.of(block, conditions, validation_share=0.0).job
-    assert job.hazard == hazard

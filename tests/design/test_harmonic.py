@@ -1,7 +1,6 @@
 """Problems under harmonic excitation: defaults, exact motions, and the runs that evaluate and validate."""
 
 import dataclasses
-import tomllib
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from tests.design.conftest import BAND, SCENE, WIDE
 from tpd.answers.attractors import StartKind
 from tpd.core.progress import unreported
 from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
-from tpd.design.job import job_of
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 from tpd.limits import DEFAULT_LIMITS
@@ -155,12 +153,3 @@ def test_excitations_are_ordered_by_the_bob_angle():
     found = made.strongest_motions(DESIGN)
     expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)
-
-
-def test_a_job_keeps_the_conditions_of_its_problem_or_is_rejected():
-    conditions = BAND * tpd.Conditions.amplitudes(0.9, 1.05)
-    job = job_of(tomllib.loads(problem(conditions=conditions, limits=tpd.limits.POINT_BOB).job.toml))
-    np.testing.assert_array_equal(job.conditions.factor_rows(), conditions.factor_rows())
-    for wrong in (BAND * BAND, tpd.Conditions.around(SCENE, count=7)):
-        with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
-            _ = problem(conditions=wrong, limits=tpd.limits.POINT_BOB).job

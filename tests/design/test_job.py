@@ -156,10 +156,7 @@ def test_a_job_states_accelerations_in_g():
     assert (job.conditions.intensity, job.conditions.scales) == ("pga", (0.3,))
     of_python = tpd.Conditions.records(job.motions, [0.3], intensity="pga")
     for conditions in (job.conditions, of_python):
-        problem = GroundMotionProblem.of(job.block, conditions)
         assert motion_factors(job.scene, conditions) == pytest.approx([0.3 * g / m.pga for m in job.motions])
-        motion = problem.tables["excitation"]
-        assert (motion["intensity"], motion["scales"]) == ("pga", [0.3])
     one = jobs.job_of({"excitation": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
     assert one.shaking.pga == pytest.approx(0.3 * g)
 
@@ -239,6 +236,12 @@ limits = {clearance = false, stroke = false}; requirements.wall_contacts = 0.1 |
 ensemble = {disturbed = 0, swing = 0.1} | `ensemble.swing` requires a share `ensemble.disturbed` above 0
 block.friction = 0; ensemble.friction = 0.1 | `ensemble.friction` requires a `block.friction` above 0
 space.damping_ratio = 0.0; ensemble.damping = 0.1 | `ensemble.damping` requires a `space.damping_ratio` above
+conditions.amplitudes = [] | [conditions] `amplitudes` must be one or more numbers, all finite, but is ()
+conditions = {band = [2, 3], frequencies = 1} | [conditions] `frequencies` must be a whole number, 2 or more
+conditions.samples = 0; scatter.mass = 0.1 | [scatter] `samples` must be a whole number, 1 or more, but is 0
+conditions.amplitudes = [1, 2]; search.risk_share = 2 | [search] `risk_share` must be between 1e-09 and 1
+excitation = {PULSE, pga = 0} | [excitation] `pga` must be positive and finite, but is 0
+excitation = {pulse = "ricker", pulse_frequency = 0, pga = 1} | [excitation] `pulse_frequency` must be
 excitation = {RECORDS, pga = 0.3} | `excitation.pga` requires `excitation.intensity` scale, or no `excitation
 """
 """Jobs, and a part of the sentence that rejects each."""

@@ -15,7 +15,7 @@ from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus
-from tpd.design.stored_design import StoredDesign, read_design
+from tpd.design.stored_design import VERSION, StoredDesign, read_design
 from tpd.design.validate import Validation
 
 BLOCK = tpd.Block(
@@ -96,7 +96,7 @@ def test_a_stored_design_is_read_back_unchanged(design, damaged, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 14, but is of 4: run the job again"),
+        ({"version": 4}, f"must be of version {VERSION}, but is of 4: run the job again"),
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of recommended, not_to_be_built, tuned_only, too_few"),

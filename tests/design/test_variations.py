@@ -18,8 +18,8 @@ from tpd.design.problem import Variation, VariationKind
 from tpd.design.reasons import DesignStatus
 from tpd.design.validate import Validation
 from tpd.design.variations import (
+    BEARING,
     LEVELS,
-    NARROW,
     Dependence,
     dependences,
     equivalent_widening,
@@ -82,7 +82,7 @@ def test_losses_and_width_change_the_block(rows):
     assert [row.name for row in losses] == ["impacts only", "friction and impacts"]
     assert losses[0].words.startswith("losses by impacts only (k = 0, e = 0.9")
     (narrow,) = of(found, "width")
-    np.testing.assert_allclose(narrow.runs.with_pendulum.nu, NARROW * stated.with_pendulum.nu, rtol=1e-12)
+    np.testing.assert_allclose(narrow.runs.with_pendulum.nu, BEARING * stated.with_pendulum.nu, rtol=1e-12)
     np.testing.assert_array_equal(narrow.runs.with_pendulum.mu, stated.with_pendulum.mu)
 
 

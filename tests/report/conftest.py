@@ -6,6 +6,7 @@ from dataclasses import replace
 import tpd
 from tpd.design.as_built import Details
 from tpd.design.design import Design
+from tpd.design.job import job_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.report.json import as_json
 from tpd.report.summary import summary
@@ -53,10 +54,15 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
+def with_job(design: Design, **tables: dict) -> Design:
+    """Return a design whose problem keeps the job of these tables."""
+    return replace(design, problem=replace(design.problem, job=job_of(tables)))
+
+
 def json_text(design: Design, job: dict, details: Details | None = None) -> str:
     """Return the content of design.json, by default without further results."""
     details = Details() if details is None else details
-    return as_json(design, details, summary(design, details), job)
+    return as_json(with_job(design, **job), details, summary(design, details))
 
 
 def tuned() -> Design:

@@ -5,9 +5,10 @@ import math
 
 import pytest
 
-from tests.report.conftest import DESIGNS, details, ground, harmonic
+from tests.report.conftest import DESIGNS, details, ground, harmonic, with_job
 from tpd.design.as_built import Details
 from tpd.design.design import FrontPoint
+from tpd.design.job import Job
 from tpd.report.blocks import Code, Figure, Severity, Table
 from tpd.report.content import content, figures
 
@@ -20,7 +21,7 @@ def section(report, title):
 
 
 def test_the_first_screen_has_verdict_dangers_summary_and_one_comparison():
-    report = content(harmonic(), details(), project={"name": "Tower"}, date="2026-11-23")
+    report = content(with_job(harmonic(), project={"name": "Tower"}), details(), date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
     assert [r[0] for r in report.summary.rows[:7]] == [
@@ -49,7 +50,7 @@ def test_sections_have_a_fixed_order_and_empty_sections_are_omitted(kind):
     order += [
         f"Appendix: {name}" for name in ("search", "rejected designs", "records", "how to repeat the search")
     ]
-    report = content(DESIGNS[kind](), details(kind), "[block]\n")
+    report = content(with_job(DESIGNS[kind]()), details(kind))
     titles = [s.title for s in report.sections]
     assert titles == [title for title in order if title in titles]
     assert ("Appendix: records" in titles) is (kind in ("ground", "tuned"))
@@ -74,17 +75,17 @@ def test_the_front_has_a_row_for_every_mass():
 
 
 def test_the_last_section_has_the_command_that_repeats_the_search(tmp_path):
-    blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), REPEAT)
+    design = with_job(harmonic())
+    blocks = section(content(design, details(), tmp_path), REPEAT)
     said = [block.text for block in blocks if isinstance(block, Code)]
     again = f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again"
-    assert said == [again, f"tpd explore {tmp_path}", "[block]\n"]
-    assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), REPEAT))
+    assert said == [again, f"tpd explore {tmp_path}", design.problem.job.toml]
+    assert not any(isinstance(b, Code) for b in section(content(harmonic(), details(), tmp_path), REPEAT))
 
 
-def test_the_appendix_lists_records_and_notes_on_their_files():
-    table, notes = section(
-        content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Appendix: records"
-    )
+def test_the_appendix_lists_records_and_notes_on_their_files(monkeypatch):
+    monkeypatch.setattr(Job, "file_notes", ("a.AT2: offset removed",))
+    table, notes = section(content(with_job(ground()), details("ground")), "Appendix: records")
     assert [row[:3] for row in table.rows] == [
         ("search records", "loma-prieta", "Loma Prieta 1989-10-18"),
         ("validation records", "el-centro", "Imperial Valley 1940-05-19"),

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.report.conftest import details, harmonic, rejected
+from tests.report.conftest import details, harmonic, rejected, with_job
 from tpd.design.as_built import Details, TimeHistory
-from tpd.design.job import job_of
-from tpd.design.problem import Problem
 from tpd.report.blocks import Code, Section
 from tpd.report.files import add_to, motion_csv, response_csv, write
 
@@ -29,8 +27,8 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
 
 def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
-    toml = "[block]\nwidth = 0.1\n"
-    written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml, overwrite=True)
+    design = with_job(harmonic(), limits={"stroke": 0.4})
+    written = write(tmp_path / "out", design, details(), overwrite=True)
     names = [path.name for path in written]
     drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
     assert names == [*DATA, *drawn, "animation.gif", "report.html"]
@@ -38,21 +36,21 @@ def test_a_report_has_all_its_files_and_the_page_is_written_last(tmp_path, monke
     assert head[:3] == ["mu", "lam", "zeta"]
     np.testing.assert_array_equal(np.array(rows)[:, :3].astype(float), harmonic().trials.designs)
     assert sorted(names) == sorted(path.name for path in (tmp_path / "out").glob("[!.]*"))
-    assert (tmp_path / "out" / "scene.toml").read_text() == toml
+    assert (tmp_path / "out" / "scene.toml").read_text() == design.problem.job.toml
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "width = 0.1" in page
+    assert "stroke = 0.4" in page
     assert page.count("<figure>") == 6
 
 
 def test_a_report_replaces_the_files_of_the_previous_report(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
-    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
+    write(tmp_path, with_job(harmonic()), details(), overwrite=True)
     (tmp_path / "explore.html").write_text("a page of the user")
     (tmp_path / "animation.gif").rename(tmp_path / "mine.gif")
     said = []
     names = {
         path.name
-        for path in write(tmp_path, harmonic(), Details(), {}, "[block]", overwrite=True, warn=said.append)
+        for path in write(tmp_path, with_job(harmonic()), Details(), overwrite=True, warn=said.append)
     }
     assert not {"motion.csv", "animation.gif", "response.svg"} & names
     left = {path.name for path in tmp_path.glob("[!.]*")}
@@ -60,20 +58,18 @@ def test_a_report_replaces_the_files_of_the_previous_report(tmp_path, monkeypatc
     assert said == [f"{tmp_path} also contains files that are not of this run: explore.html, mine.gif"]
 
 
-def test_a_report_contains_its_job_if_the_job_can_be_written(tmp_path, monkeypatch):
-    def unsaid(_):
-        raise ValueError("a limit of one's own")
-
+def test_only_a_design_that_was_made_from_a_job_has_a_job_file(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
-    monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
-    design, details = rejected(), Details()
+    design, details = with_job(rejected()), Details()
     assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", details=details)}
     with pytest.raises(ValueError, match="already contains files"):
         tpd.write_report(design, tmp_path / "a", details=details)
-    monkeypatch.setattr(Problem, "job", property(unsaid))
-    with pytest.warns(UserWarning, match=r"the report is written without scene\.toml: a limit of one's own"):
-        written = tpd.write_report(design, tmp_path / "b", details=details)
+    written = tpd.write_report(rejected(), tmp_path / "b", details=details)
     assert "scene.toml" not in {path.name for path in written}
+    stored = tpd.read_design(tmp_path / "b")
+    assert stored.tables is None
+    with pytest.raises(ValueError, match="has no job, because its design was made in Python: give a job"):
+        _ = stored.job
 
 
 def test_time_histories_and_responses_are_written_as_csv():
@@ -105,7 +101,7 @@ def test_time_histories_and_responses_are_written_as_csv():
 
 def test_text_and_page_contain_the_last_result_of_each_later_command(tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
-    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
+    write(tmp_path, with_job(harmonic()), details(), overwrite=True)
     before, first = ((tmp_path / f"report.{kind}").read_text() for kind in ("txt", "html"))
     engine, fragility = "Contact engine", "Fragility"
     table = "        first  second\nrow of   1.0     2.0"
@@ -136,7 +132,7 @@ def test_text_and_page_contain_the_last_result_of_each_later_command(tmp_path, m
 @pytest.mark.parametrize("name", ["report.json", "drawing.svg"])
 def test_a_report_with_a_damaged_file_remains_as_it_is(name, tmp_path, monkeypatch):
     monkeypatch.setattr("tpd.plots.results.draw", stub)
-    write(tmp_path, harmonic(), details(), {}, "[block]", overwrite=True)
+    write(tmp_path, with_job(harmonic()), details(), overwrite=True)
     (tmp_path / name).write_text('{"title": "half')
     files = {path.name: path.read_bytes() for path in tmp_path.glob("[!.]*")}
     with pytest.raises(ValueError, match=r"is not the data of a report: run the job|must hold SVG, PNG or"):
@@ -152,14 +148,13 @@ def test_a_failed_picture_gets_one_message_after_the_numbers_are_written(tmp_pat
 
     monkeypatch.setattr("tpd.plots.results.draw", drawn)
     there, said = [], []
-    job = harmonic(), details(), {}, "[block]"
+    job = with_job(harmonic()), details()
     then = lambda _: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
     written = write(tmp_path, *job, overwrite=True, then=then, warn=said.append)
     assert set(there) == set(DATA)
     assert said == ["search.png is not drawn: latex was not able to process"]
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}
-    monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
         written = tpd.write_report(harmonic(), "~/saved", details=Details())

@@ -9,14 +9,17 @@ import jsonschema
 import pytest
 
 from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic, json_text
+from tpd.design.as_built import Details
 from tpd.design.design import FrontPoint
+from tpd.design.job import job_of
 from tpd.design.reasons import DesignStatus
 from tpd.design.stored_design import VERSION
-from tpd.report.summary import verdict
+from tpd.report.json import as_json
+from tpd.report.summary import summary, verdict
 
 SCHEMA = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-JOB = {"block": {"width": 0.1}, "search": {"seed": 0}}
+JOB = {"search": {"seed": 0}}
 
 
 def written(design, about=None) -> dict:
@@ -30,7 +33,8 @@ def test_the_json_of_every_design_matches_the_schema(kind):
     VALIDATOR.validate(content)
     assert list(content) == sorted(content)
     assert content["version"] == VERSION
-    assert (content["status"], content["job"]) == (design.status.name, JOB)
+    assert (content["status"], content["job"]) == (design.status.name, job_of(JOB).tables)
+    VALIDATOR.validate(json.loads(as_json(design, Details(), summary(design, Details()))) | {"job": None})
     assert content["verdict"] == verdict(design, details(kind)).text
     assert content["pendulum"] == (design.pendulum and dataclasses.asdict(design.pendulum))
     assert content["reasons"] == list(design.refusals)

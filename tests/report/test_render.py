@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import msgspec
 import pytest
 
-from tests.report.conftest import DESIGNS, details, harmonic
+from tests.report.conftest import DESIGNS, details, harmonic, with_job
 from tpd.report.blocks import Code, Figure, Note, Report, Section, Summary, Table, Text, danger, note
 from tpd.report.content import content, figures
 from tpd.report.files import data
@@ -55,7 +55,7 @@ def report(verdict: Note, *sections: Section) -> Report:
 
 def test_the_page_embeds_its_pictures_and_loads_no_external_file():
     pictures = dict.fromkeys(figures(harmonic(), details()), PNG)
-    page = html(content(harmonic(), details(), "[block]\n"), pictures)
+    page = html(content(with_job(harmonic()), details()), pictures)
     reader = read(page)
     assert "http:" not in page
     assert "https:" not in page
@@ -70,7 +70,7 @@ def test_the_page_embeds_its_pictures_and_loads_no_external_file():
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_the_page_has_all_sections_in_order_and_the_stored_data_give_the_same_page(kind):
-    found = content(DESIGNS[kind](), details(kind), "[block]\n")
+    found = content(with_job(DESIGNS[kind]()), details(kind))
     page = html(found, {})
     said = " ".join(read(page).text.split())
     parts = [*(s.title for s in found.sections), f"Seed {DESIGNS[kind]().seed}."]

@@ -35,7 +35,7 @@ _CLOSE = 1e-4
 they repeat within a tolerance, so two runs of one motion end with slightly different sizes."""
 _DIVIDED = (*MOVING, *NOT_ATTRACTING)
 """Statuses whose motions are compared with each other."""
-_SAME = 1e-6
+_NEWTON_TOLERANCE = 1e-6
 """Largest relative difference of the sizes, after Newton's method, of two motions that are the same or mirror
 images."""
 
@@ -150,7 +150,7 @@ def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
     if a.status != b.status or not is_one_of(a.steady.status, *_DIVIDED):
         return a.status == b.status
     x, y = (np.array([m.steady.amplitude, m.steady.swing]) for m in (a, b))
-    return a.periods == b.periods and _agree(x, y, _SAME, felt)
+    return a.periods == b.periods and _agree(x, y, _NEWTON_TOLERANCE, felt)
 
 
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:

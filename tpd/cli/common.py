@@ -100,7 +100,7 @@ def check_inputs(options: argparse.Namespace) -> Case:
     return case
 
 
-_SIZED = {"records", "scales", "pga", "intensity"}
+_SIZE_KEYS = {"records", "scales", "pga", "intensity"}
 """Keys of records and of their sizes."""
 
 
@@ -113,7 +113,7 @@ def _complete_motion(options: argparse.Namespace) -> None:
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
         # Any frequency and size will do: the spectrum replaces them.
         set_keys(options, "excitation", {"pulse_frequency": 1.0, "pga": 1.0})
-    elif options.command == "assess" and motion.keys() & _SIZED == {"records"}:
+    elif options.command == "assess" and motion.keys() & _SIZE_KEYS == {"records"}:
         # Without a scale the block is assessed under the records as they are. A design needs scales.
         set_keys(options, "excitation", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
@@ -146,7 +146,7 @@ def read_case(options: argparse.Namespace) -> Case:
     if any(others) or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
         raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
-    return Case(jobs.job_of(*jobs.merge_tables(design.tables, tables)), design.pendulum)
+    return Case(jobs.job_of(*jobs.merge_tables(design.job.tables, tables)), design.pendulum)
 
 
 def set_up_jax(job: jobs.Job) -> None:

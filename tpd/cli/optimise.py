@@ -25,7 +25,7 @@ _FEWEST_LINES = 12
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Search, validate, write the report, print the answer and return the exit status."""
     job, messages = case.job, case.job.all_messages
-    problem = problem_of(job.scene, **job.settings)
+    problem = problem_of(job)
     # The report needs the date. An invalid `SOURCE_DATE_EPOCH` must be rejected before the search, and not
     # minutes later.
     files.today()
@@ -45,15 +45,15 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     how = {"then": partial(_show, options), "warn": lambda message: progress.say(f"tpd: {message}")}
     how |= {"overwrite": options.overwrite, "lines": lines}
-    write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
+    write(options.out, design, shown, **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 
 def _show(options: argparse.Namespace, report: Report) -> None:
     """Print the answer in the form that the options choose: by default the text of the report."""
     if options.json:
-        print_answer((options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n"))
+        print_answer((options.out / files.REPORT).read_text(encoding="utf-8").rstrip("\n"))
     elif options.quiet:
         print_answer(report.summary.verdict.marked, str(options.out))
     else:
-        print_answer("", text(report).removesuffix("\n"))
+        print_answer("", text(report).rstrip("\n"))

@@ -37,7 +37,7 @@ REPORT = "design.json"
 """Main file of a report of `tpd optimise`."""
 _FORMULA = tuple("=+-@\t\r")
 """First characters of a text that a spreadsheet evaluates."""
-_FEW = 9
+_MOST_NAMES = 9
 """Largest number of files that a message lists."""
 _WARNINGS: set[str] = set()
 """Reasons why compiled code is not stored, of which the user was warned already."""
@@ -257,8 +257,8 @@ class Results:
     def remaining(self) -> str:
         """Sentence on the files in the folder that do not belong to this result; empty if there are none."""
         names = [name for name in _visible(self._folder) if name not in self._names]
-        more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
-        listed = f"{', '.join(names[:_FEW])}{more}"
+        more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+        listed = f"{', '.join(names[:_MOST_NAMES])}{more}"
         return f"{self._folder} also contains files that are not of this run: {listed}" if names else ""
 
 

@@ -6,14 +6,36 @@ import html
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import get_close_matches
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_NAMES: ContextVar[Mapping[str, str]] = ContextVar("names", default=MappingProxyType({}))
+"""Names of arguments in messages, by the names that Python uses, where these differ."""
+
+
+def called(name: str) -> str:
+    """Return an argument as a message names it: in Python by its name, in a job file by its key."""
+    return _NAMES.get().get(name, f"`{name}`")
+
+
+@contextmanager
+def argument_names(by_argument: Mapping[str, str]) -> Iterator[None]:
+    """Let messages use other names of arguments, which a user of a job file knows."""
+    token = _NAMES.set(by_argument)
+    try:
+        yield
+    finally:
+        _NAMES.reset(token)
 
 
 def number(x: float, digits: int = 4) -> str:

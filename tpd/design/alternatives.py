@@ -11,7 +11,7 @@ from tpd.core.formatting import number
 from tpd.design.ground_motion import PERIODS
 from tpd.design.problem import Problem
 
-_WIDEST = 2.0
+_MOST_WIDTH = 2.0
 """Largest width of a base that is an alternative, over the width of the block. A coefficient of friction
 above 1 is no alternative either."""
 
@@ -32,7 +32,8 @@ class Alternatives(NamedTuple):
     """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
     motion at its strongest level. Under ground motions it is the period from which on the response spectrum
     stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic of period T it is
-    T sqrt(1 + f/(nu + k)), for the lowest frequency only."""
+    T sqrt(1 + f/(nu + k)), for the lowest frequency only. A problem has at least one motion, so that there is
+    at least one period."""
     damping: float
     """Damping ratio of the isolation: 0.05 under ground motions, 0 under a harmonic."""
     acceleration: float
@@ -64,7 +65,7 @@ class Alternatives(NamedTuple):
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
             )
         tie = f"a tie at the top for at least {force}"
-        if self.friction > 1.0 or self.width > _WIDEST * self.present:
+        if self.friction > 1.0 or self.width > _MOST_WIDTH * self.present:
             return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
         width = f"a base at least {_at_least(self.width)} m wide {friction}"
         return f"{tie}, {width}, or {isolation} (static estimates)"

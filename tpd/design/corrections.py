@@ -27,12 +27,12 @@ from tpd.theory.equations import Terms
 
 _SPREAD, _DRAWS = 24, 512
 """Number of designs all over the space with cheap runs, and number of drawn designs from which they come."""
-_CHEAP = 0.98
+_QUANTILE = 0.98
 """Share of the cheap runs whose quantities stay below the one that counts. A larger one would need more
 runs."""
 _PRIOR = PowerLaw(np.zeros(4), np.diag([1.0, 0.5, 0.5, 0.5]) ** 2)
 """Power law of a factor before any run: a factor of one is likely, and its exponents are moderate."""
-_ROUGH, _FINE = 0.15, 0.01
+_CHEAP_NOISE, _NOISE = 0.15, 0.01
 """Standard deviations of the logarithm of a factor in cheap and in accurate runs."""
 _TOLERANCE = 0.001
 """Logarithm of a limited quantity over its limit in accurate runs that still keeps the limit."""
@@ -40,15 +40,15 @@ _MOST_EXCESS = 0.05
 """Largest logarithm of a limited quantity over its limit with which a design is still validated."""
 _LEAST_DISTANCE = 0.02
 """Distance from the limits, in the logarithm, below which no further correction is worth its time."""
-_SAME = 1e-3
+_RESOLUTION = 1e-3
 """Largest distance of equal designs, in shares of the bounds."""
 _HALF_A_POINT = 0.005
 """Difference of the measure between designs that perform equally well."""
 _CONTINUATIONS = 2
 """Number of descents that continue after a correction, and of screened designs that join them."""
-_FEWEST = 4
+_LEAST_COUNT = 4
 """Smallest number of surviving runs for a limited quantity, and of designs for a line through values."""
-_LEAST, _UNKNOWN = 1e-12, 1e3
+_LEAST_SIZE, _UNKNOWN_SIZE = 1e-12, 1e3
 """Smallest quantity over its limit that has a logarithm, and quantity of a run in which it is unknown."""
 _NEIGHBOURS = 500
 """Number of designs that are compared with the best one."""
@@ -108,11 +108,11 @@ class Corrections:
         designs, of_runs = np.array(self.designs), list(map(self._sizes, range(len(self.designs))))
         e = self.orbits.evaluate(designs)
         sizes = evaluate_sizes(self.problem.run_limits, e, self.problem.geometry)
-        noise = np.where(np.arange(len(designs)) < self.cheap, _ROUGH, _FINE)
+        noise = np.where(np.arange(len(designs)) < self.cheap, _CHEAP_NOISE, _NOISE)
         laws = {}
         for name, x in ((s.name, s.value.max(axis=1)) for s in sizes if s.name in of_runs[0]):
             # All designs count, also those that exceed a limit. The settled quantity may be none.
-            value = np.array([s[name] for s in of_runs]) - np.log(np.maximum(x, _LEAST))
+            value = np.array([s[name] for s in of_runs]) - np.log(np.maximum(x, _LEAST_SIZE))
             rows = np.isfinite(value) & e.attracts.all(axis=1) & (x > 0.0)
             laws[name] = _PRIOR.with_values(designs[rows], value[rows], noise[rows])
         return laws
@@ -124,13 +124,13 @@ class Corrections:
     def _sizes(self, i: int, runs: Runs | None = None) -> dict[str, float]:
         """Return the logarithm of every limited quantity over its limit that enough of the runs of a design
         keep, plus the allowance of the limit, by name; NaN if the block survives in too few runs."""
-        share, out = _CHEAP if i < self.cheap else self.problem.safe_level, {}
+        share, out = _QUANTILE if i < self.cheap else self.problem.safe_level, {}
         for name, x in self.problem.sizes_in_runs(self.designs[i], runs or self.runs[i]).items():
             if name not in STILL:
                 # An unknown quantity counts as far beyond its limit.
-                x = np.nan_to_num(x, nan=_UNKNOWN, posinf=_UNKNOWN)
-                size = np.quantile(x, share) if len(x) >= _FEWEST else np.nan
-                out[name] = float(np.log(np.maximum(size, _LEAST))) + self.allowance.get(name, 0.0)
+                x = np.nan_to_num(x, nan=_UNKNOWN_SIZE, posinf=_UNKNOWN_SIZE)
+                size = np.quantile(x, share) if len(x) >= _LEAST_COUNT else np.nan
+                out[name] = float(np.log(np.maximum(size, _LEAST_SIZE))) + self.allowance.get(name, 0.0)
         return out
 
     def _excess(self, i: int) -> float:
@@ -156,7 +156,7 @@ class Corrections:
             excess = self._excess(len(self.runs) - 1)
             # Nothing can be learnt without a limit, from runs in which the block does not survive, or from
             # the same design again.
-            is_stuck = before is not None and np.abs(x[0] - before).max() < _SAME
+            is_stuck = before is not None and np.abs(x[0] - before).max() < _RESOLUTION
             if -_LEAST_DISTANCE <= excess <= _TOLERANCE or is_stuck or np.isinf(excess):
                 break
             before = x[0]
@@ -208,7 +208,7 @@ class Corrections:
         measured = [x.share_overturned.value if falls else problem.value_of(x) for x in self.runs]
         # Values of rest, and of designs without an attracting motion, are none of the objective.
         rows = np.isfinite(measured) & e.attracts.all(axis=1) & (values > 0.0)
-        if rows.sum() < _FEWEST:
+        if rows.sum() < _LEAST_COUNT:
             return None
         steepness = np.polyfit(values[rows], np.array(measured)[rows], 1)[0]
         # Where the objective explains less than that among all trials, the line has no meaning.

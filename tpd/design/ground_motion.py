@@ -32,13 +32,12 @@ from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
-from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_all
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
-from tpd.scene.scene import NO_PENDULUM, STANDARD_GRAVITY, Block, Scene
+from tpd.scene.scene import NO_PENDULUM, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 from tpd.theory.relative_length import relative_length
@@ -171,24 +170,6 @@ class GroundMotionProblem(Problem):
         inputs = super().inputs
         del inputs["groups"]
         return inputs | {"validation_share": validation or 0.0}
-
-    @property
-    def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables as in `Problem.tables`. Each motion must be a built-in record, or the only motion a
-        pulse."""
-        validation = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.validation]
-        motions, of = self.conditions.motions, self.conditions
-        motion: dict[str, Any] = {"scales": list(of.scales), "intensity": of.intensity}
-        if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not validation:
-            motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
-            motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY
-            if "-" in pulse.kind[6:]:
-                motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
-        else:
-            motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
-        ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
-        hazard = {} if self.conditions.hazard is None else vars(self.conditions.hazard)
-        return super().tables | {"excitation": motion, "ensemble": ensemble, "hazard": hazard}
 
     @property
     def scatter(self) -> dict[str, HalfWidth]:
@@ -398,17 +379,6 @@ class GroundMotionProblem(Problem):
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
         return ground_row_of(unchecked(q, f=q.f * f[which]), size=factor, piece=pieces)
-
-
-def _name_of(motion: GroundMotion) -> str:
-    """Return the name of a built-in record, or raise `ValueError` for any other motion."""
-    for name, make in BUILT_IN.items():
-        record = make()
-        if isinstance(motion, Record) and motion.name == record.name and motion.pga == record.pga:
-            return name
-    raise ValueError(
-        "a job file cannot describe motions of Python: it names files, folders and sets of records"
-    )
 
 
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:

@@ -20,7 +20,6 @@ from tpd.core import checks
 from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
-from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import Reason, ReasonKind
@@ -30,7 +29,6 @@ from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_moves, check_scatter
 from tpd.limits import (
     DEFAULT_LIMITS,
-    OBJECTIVES,
     Objective,
     Settling,
     check_objective,
@@ -55,9 +53,9 @@ _RTOL = 1e-6
 """Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCH_CONDITIONS = 64
 """Largest number of conditions of the descents. The trials use all conditions."""
-_SAME = 1e-6
+_MATCH_TOLERANCE = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
-_SMOOTH = 0.2
+_LEAST_RESTITUTION = 0.2
 """Smallest velocity ratio of impacts for which descents use smoothed impacts."""
 
 
@@ -170,7 +168,7 @@ class HarmonicProblem(Problem):
         # space.
         heaviest = under_all(self._parameters, self.space.ends[1:], self.conditions)
         # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
-        is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH)
+        is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _LEAST_RESTITUTION)
         named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if is_smooth else Piecewise()}
         model: Any = self.method.model
         if model is None or isinstance(model, str):
@@ -183,36 +181,6 @@ class HarmonicProblem(Problem):
             )
         model.check(heaviest)
         return model
-
-    @property
-    def job(self) -> Job:
-        """See `Problem.job`."""
-        job = super().job
-        conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
-        # Scatter with another seed, or a combination in another order, gives other conditions.
-        rows = conditions.factor_rows(), self.conditions.factor_rows()
-        if job.scene != self.scene or not np.array_equal(*rows):
-            raise ValueError(
-                "a job file cannot describe the conditions of this problem. It allows bands, amplitudes and "
-                f"scatter, but the conditions are {', '.join(self.conditions.description) or 'of Python'}"
-            )
-        return job
-
-    @property
-    def tables(self) -> dict[str, dict[str, Any]]:
-        """See `Problem.tables`."""
-        names = [name for name, objective in OBJECTIVES.items() if objective == self.objective]
-        if not names:
-            raise ValueError("a job file cannot describe an objective that exists only in Python")
-        tables = super().tables
-        return tables | {
-            "search": tables["search"] | {"objective": names[0]},
-            "excitation": vars(self.scene.excitation),
-            # Runs without a seed of their own use the seed of the search.
-            "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
-            "starts": {"kind": "rest" if self.rest_counts else "any"},
-            **(self.conditions.tables or {}),
-        }
 
     @cached_property
     def orbits(self) -> Orbits:
@@ -411,7 +379,9 @@ class HarmonicProblem(Problem):
         sizes["settled_swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["settled_swing"])
         # A run only approaches an orbit, but the orbit itself is known to rounding: use its values.
         amplitude = e.tilt[0] * np.asarray(q.nu)
-        is_orbit = (np.abs(sizes["settled_tilt"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
+        is_orbit = (np.abs(sizes["settled_tilt"] - amplitude) <= _MATCH_TOLERANCE * amplitude) & (
+            amplitude > 0.0
+        )
         for name, exact in (("settled_tilt", amplitude), ("settled_swing", e.swing[0])):
             sizes[name] = np.where(is_orbit, exact, sizes[name])
         overturned = outcome == code_of(Status.overturned)

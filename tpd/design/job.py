@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from tpd.compiled import compiling
 from tpd.core import checks
 from tpd.core.files import path_of
-from tpd.core.formatting import number_hint
+from tpd.core.formatting import argument_names, number_hint
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.design.space import TWINS, DesignSpace, check_fit, check_moves, check_scatter
@@ -51,27 +51,31 @@ from tpd.scene.hazard import Hazard
 from tpd.scene.impacts import housner
 from tpd.scene.scene import Block, Harmonic, Scene
 
-_FEW = 9
+_MOST_NAMES = 9
 """Largest number of records that a message lists."""
 _MOST_CONDITIONS = 100_000
 """Largest number of conditions. With more, the arrays of a search do not fit in the memory of a usual
 computer."""
 
 
+class TableError(ValueError):
+    """Error in the values of a table, which the message names."""
+
+
 @contextmanager
 def naming(table: str, **keys: str) -> Iterator[None]:
     """Add the name of a table to the messages about its values.
 
-    `keys` maps names in a dataclass to the keys of the table, if they differ.
+    `keys` maps names of arguments to the keys of the table, if they differ.
     """
     try:
-        yield
+        with argument_names({name: f"`{key}`" for name, key in keys.items()}):
+            yield
+    except TableError:
+        # The message contains the name of another table, which was read in between.
+        raise
     except ValueError as error:
-        if str(error).startswith("["):
-            # The message already contains the name of another table, which was read in between.
-            raise
-        message = re.sub(r"`(\w+)`", lambda match: f"`{keys.get(match[1], match[1])}`", str(error))
-        raise ValueError(f"[{table}] {message}") from None
+        raise TableError(f"[{table}] {error}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +133,7 @@ class Job(ABC):
             block = Block(**values)
         # Some authors state the ratio of the energies, which is e^2.
         e, stated = housner(block.slenderness, block.inertia_ratio), block.velocity_ratio
-        if abs(stated - e**2) <= _NEAR < abs(stated - e):
+        if abs(stated - e**2) <= _RESTITUTION_DIFFERENCE < abs(stated - e):
             question = "is it the ratio of the energies instead of that of the angular velocities?"
             near = f"the square of Housner's coefficient {e:.4g} for this shape"
             warnings.warn(f"`block.restitution` is {stated:g}, about {near}: {question}", stacklevel=2)
@@ -216,8 +220,10 @@ class Job(ABC):
         keys = self.full["excitation"]
         motions, scales = self.ground_motions, keys["scales"] or (1.0,)
         if len(motions) > 1:
-            names = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
-            more = "; and more" if len(motions) > _FEW else ""
+            names = "; ".join(
+                getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_MOST_NAMES]
+            )
+            more = "; and more" if len(motions) > _MOST_NAMES else ""
             raise ValueError(
                 f"the job has {len(motions)} records ({names}{more}), but exactly one is needed: choose it "
                 "with --record FILE and --channel N"
@@ -358,14 +364,14 @@ class Job(ABC):
 
     def _records(self, names: Sequence[str]) -> Any:
         """Read records with the reading options of the job; messages use the keys of the job file."""
-        try:
-            return read_motions(names, events=self.full["records"]["events"], **self.reading)
-        except UnreadableRecord as error:
-            flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
-            more = "; try these options: " + " ".join(flags) if error.options else ""
-            raise ValueError("\n".join([_in_words_of_jobs(error.args[0]) + more, *error.preview])) from None
-        except ValueError as error:
-            raise ValueError(_in_words_of_jobs(str(error))) from None
+        called = {name: f"`excitation.{name}` (--{name})" for name in READING}
+        with argument_names(called | {"events": "`records.events` (--event)"}):
+            try:
+                return read_motions(names, events=self.full["records"]["events"], **self.reading)
+            except UnreadableRecord as error:
+                flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
+                more = "; try these options: " + " ".join(flags) if error.options else ""
+                raise ValueError("\n".join([error.args[0] + more, *error.preview])) from None
 
     @property
     def validation_share(self) -> float | dict[str, list[GroundMotion]]:
@@ -374,16 +380,16 @@ class Job(ABC):
         return self._validation[0]
 
     @property
-    def validation_notes(self) -> tuple[str, ...]:
-        """Sentences on what was left out of the validation records, or assumed about them."""
-        return tuple(self._validation[1])
+    def file_notes(self) -> tuple[str, ...]:
+        """Notes on all records, followed by those on the validation records."""
+        return (*self.notes, *self._validation[1])
 
     @property
     def all_messages(self) -> tuple[str, ...]:
         """Messages as in `messages`, followed by those on the validation records."""
         groups = self.validation_share if isinstance(self.validation_share, dict) else {}
         lines = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
-        return (*self.messages, *lines, *self.validation_notes)
+        return (*self.messages, *lines, *self._validation[1])
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -457,8 +463,7 @@ class HarmonicJob(Job):
             )
         with naming("conditions", factors="amplitudes", count="frequencies"):
             if keys["band"] is not None:
-                low, high = keys["band"]
-                out = out * Conditions.band(self.scene, low, high, keys["frequencies"])
+                out = out * Conditions.band(self.scene, *keys["band"], keys["frequencies"])
             # A single factor of one is the scene itself, and would only lengthen the description.
             if keys["amplitudes"] is not None:
                 out = out * Conditions.amplitudes(*keys["amplitudes"])
@@ -573,7 +578,7 @@ class PulseJob(RecordsJob):
             return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
 
 
-_NEAR = 0.01
+_RESTITUTION_DIFFERENCE = 0.01
 """Difference of a coefficient of restitution from the square of Housner's that gets a question."""
 _JOBS: dict[str, type[Job]] = {"harmonic": HarmonicJob, "pulse": PulseJob, "records": RecordsJob}
 """Classes of jobs, by the kind of motion."""
@@ -711,13 +716,6 @@ def _listed(names: Sequence[str]) -> str:
     """Return names as a list in words: `a`, `b` and `c`."""
     quoted = [f"`{name}`" for name in names]
     return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
-
-
-def _in_words_of_jobs(message: str) -> str:
-    """Return a message about options of `tpd.Record.read` with the keys and command-line options of a job."""
-    message = re.sub(r", such as (\w+)=", r", such as \1 = ", message)
-    message = message.replace("`events`", "`records.events` (--event)")
-    return re.sub(rf"`({'|'.join(READING)})`", r"`excitation.\1` (--\1)", message)
 
 
 def _toml(value: Any) -> str:

@@ -28,6 +28,7 @@ from tpd.design.design import Design, FrontPoint
 from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
+from tpd.design.job import Job
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.risk import Risk
@@ -39,14 +40,14 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PROMISING = 0.3
+_PROMISED_SHARE = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
 
 
 @checks.keywords
 def optimise(
-    scene: Scene | Block,
+    scene: Scene | Block | Job,
     space: DesignSpace | None = None,
     *,
     conditions: Conditions | None = None,
@@ -58,7 +59,7 @@ def optimise(
     ensemble: Ensemble | None = None,
     requirements: Requirements | None = None,
     validation_share: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
-    seed: checks.Whole = 0,
+    seed: checks.Whole | None = None,
     progress: Progress | bool | None = None,
 ) -> Design:
     """Find the pendulum that reduces rocking most under one or many conditions, and validate it.
@@ -77,7 +78,8 @@ def optimise(
     every design, and there are at most two.
 
     Args:
-        scene: block and excitation in SI units. Under ground motions a block alone is sufficient.
+        scene: block and excitation in SI units. Under ground motions a block alone is sufficient. A `Job`
+            states all arguments, and its report contains the job file that repeats the search.
         space: bounds and fixed values of the pendulum, as ratios or in kg and m; default `DesignSpace()`.
         conditions: excitations for which the design must work; default `Conditions.around(scene)`.
         starts: initial states of the search. The default `Starts.any()` counts the largest motion that
@@ -92,7 +94,7 @@ def optimise(
         requirements: smallest benefit and largest harm of a recommended pendulum; default `Requirements()`.
         validation_share: ground motions that the search does not use, as a share or as groups by name;
             default 0.5.
-        seed: seed of all random choices, also of the runs of an ensemble without a seed of its own.
+        seed: seed of all random choices, also of the runs of an ensemble without a seed; default 0.
         progress: True for a progress bar on stderr, or a function of (stage, done, total).
 
     Returns:
@@ -118,7 +120,7 @@ def optimise(
 
 
 def problem_of(
-    scene: Scene | Block,
+    scene: Scene | Block | Job,
     space: DesignSpace | None = None,
     *,
     conditions: Conditions | None = None,
@@ -127,8 +129,14 @@ def problem_of(
     """Return the problem that the arguments of `optimise` state.
 
     Raises:
-        ValueError: an input is out of range, or does not fit the excitation.
+        ValueError: an input is out of range, does not fit the excitation, or is stated beside a job.
     """
+    if isinstance(scene, Job):
+        stated = {"space": space, "conditions": conditions, **inputs}
+        if more := [name for name, value in stated.items() if value is not None]:
+            remedy = "pass `job.scene` and `**job.settings` to change some of them"
+            raise ValueError(f"a job states all arguments, but `{more[0]}` is given as well: {remedy}")
+        return replace(problem_of(scene.scene, **scene.settings), job=scene)
     checks.optional("conditions", conditions, Conditions)
     # Each kind of excitation has arguments of its own. A value for the other kind is an error, and None is
     # dropped, because the other class does not have the argument.
@@ -158,7 +166,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
             break
         # Stop when even the trend of the best remaining design promises too little.
-        if not refinement.promises(1.0 - _PROMISING * problem.requirements.at_least):
+        if not refinement.promises(1.0 - _PROMISED_SHARE * problem.requirements.at_least):
             break
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
@@ -173,7 +181,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     )
 
 
-_LEAST, _LIGHTER = 1.0 / 16.0, 3
+_LEAST_MASS, _BOBS = 1.0 / 16.0, 3
 """Smallest mass of a front as a share of the largest one, and default number of lighter bobs."""
 
 
@@ -228,7 +236,7 @@ def front(
         raise ValueError("`design` has a bob of fixed mass, so that lighter bobs cannot be compared with it")
     # The first mass of the sequence is the lower end itself, and the last one is the design: both are left
     # out.
-    shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
+    shares = np.geomspace(max(low, high * _LEAST_MASS), high, _BOBS + 2)[1:-1] if most is None else most
     shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
     if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
         raise ValueError(

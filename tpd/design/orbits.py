@@ -64,7 +64,7 @@ _STEPS = 3
 little."""
 _LEAST_RESIDUAL, _MOST_RESIDUAL = 0.01, 0.5
 """Residual in units of nu below which no further step follows, and above which the orbit is lost."""
-_SAME = 0.01
+_GAP = 0.01
 """Relative difference between the tilts of two orbits above which they count as different orbits."""
 
 
@@ -283,7 +283,7 @@ class SmoothedOrbits:
             exact, mine = self.orbits.evaluate(designs[rows]), e.at(rows)
             # Another orbit may count by now: one that attracts and is larger, or the followed orbit no longer
             # attracts.
-            other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _SAME * exact.tilt)
+            other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _GAP * exact.tilt)
             other |= ~self.follows[rows]
             for name in OF_PAIRS:
                 where = other.reshape(*other.shape, *(1,) * (getattr(mine, name).ndim - 2))

@@ -23,15 +23,12 @@ from tpd.core import checks
 from tpd.core.formatting import pair_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
-from tpd.design.job import Job, job_of
+from tpd.design.job import Job
 from tpd.design.reasons import AFTER_PUSH, STAYS, DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_fit
-from tpd.design.tables import TABLES
 from tpd.limits import (
-    DEFAULT_LIMITS,
-    LIMIT_KINDS,
     STILL,
     Clearance,
     Limit,
@@ -56,7 +53,7 @@ share, as a margin for chance in the validation runs; and smallest ratio of both
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
-_SCATTERED = {
+_SCATTER_LABELS = {
     "mass": "the bob's mass",
     "length": "the rod's length",
     "damping": "the hinge's damping",
@@ -130,6 +127,8 @@ class Problem(ABC):
     """Smallest benefit and largest harm of a recommended pendulum."""
     seed: int
     """Seed of all random choices."""
+    job: Job | None = None
+    """Job that states the problem; None for a problem of Python objects."""
     defaults: ClassVar[dict[str, Any]] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
     """Inputs that this kind of problem has, with their defaults."""
     attempts: ClassVar[int]
@@ -199,59 +198,7 @@ class Problem(ABC):
     @property
     def inputs(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` that state this problem, by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    @property
-    def job(self) -> Job:
-        """Job that states this problem.
-
-        Raises:
-            ValueError: a job file cannot describe the problem, because a motion, a limit or an objective
-                exists only in Python.
-        """
-        tables = {table: _plain(values) for table, values in self.tables.items()}
-        try:
-            return job_of(tables)
-        except ValueError as error:
-            raise ValueError(f"a job file cannot describe this problem: {error}") from None
-
-    @property
-    def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables of the job, as far as a file can describe the problem."""
-        scene, risk = self.scene, self.risk
-        # A default limit that this problem does not have must be switched off in the file.
-        limits: dict[str, Any] = {
-            kind.name: False
-            for kind in LIMIT_KINDS
-            if limit_of(DEFAULT_LIMITS, kind) and limit_of(self.limits, kind) is None
-        }
-        bob = {}
-        for limit in self.limits:
-            if type(limit) not in LIMIT_KINDS:
-                raise ValueError(
-                    f"a job file cannot describe the limit `{limit.name}`, which exists only in Python"
-                )
-            # A limit has one number, or none: then true switches it on.
-            limits[limit.name] = next((x for x in vars(limit).values() if isinstance(x, (int, float))), True)
-            bob |= vars(limit.bob) if isinstance(limit, Clearance) else {}
-        # The aspect has no effect for a ball, and a job rejects keys without effect.
-        if bob.get("shape") == "ball":
-            bob.pop("aspect")
-        search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
-        for name in ("model", "optimiser"):
-            if not isinstance(search.get(name), str | None):
-                raise ValueError(f"a job file cannot describe the {name} {search[name]}: it names one")
-        measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
-        return {
-            "block": vars(scene.block),
-            "site": {"gravity": scene.gravity},
-            "bob": bob,
-            "space": self.space.table,
-            "limits": limits,
-            "requirements": vars(self.requirements),
-            "search": search
-            | {"risk": measure, "risk_share": risk.share if measure == "cvar" else None, "seed": self.seed},
-        }
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "job"}
 
     @property
     def allowed(self) -> float:
@@ -285,7 +232,7 @@ class Problem(ABC):
             if isinstance(width, Normal):
                 normal.append(str(width))
             elif not (without_pendulum and name in ("mass", "length", "damping")):
-                by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+                by_width.setdefault(width, []).append(_SCATTER_LABELS.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
         return "; ".join([*listed, *normal]) or "none"
 
@@ -623,12 +570,6 @@ class Problem(ABC):
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 
 
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values that a file can hold, without those that are None."""
-    plain = {key: x.tolist() if isinstance(x, np.generic) else x for key, x in values.items()}
-    return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
-
-
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
     """Return the design space reduced to the limit on the mass of the bob, if there is one.
 
@@ -646,4 +587,4 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
             f"the limit `mass` must be above the smallest point mass of the design space, "
             f"{low * block.mass:g} kg, but is {limit.kg:g} kg"
         )
-    return space if low == high else space.with_ratios(mass_ratio=(low, min(high, most)))
+    return space if low == high else replace(space, mass_ratio=(low, min(high, most)))

@@ -32,13 +32,13 @@ _BATCH = 8
 """Number of designs of a round: the trends are fitted again after each round."""
 _DISTANCES = 0.05, 0.02
 """Smallest distances of a new design from all others, as relative changes: usually, and at the end."""
-_SPREAD_PROPOSALS, _LOCAL_PROPOSALS, _BEST = 1500, 1500, 12
+_SPREAD_PROPOSALS, _LOCAL_PROPOSALS, _BEST_COUNT = 1500, 1500, 12
 """Numbers of proposed designs anywhere in the space and near the best designs, and number of these."""
 _WIDTHS = 0.02, 0.5
 """Smallest and largest relative change of a proposal near a good design."""
 _CHUNK, _MOST_PROPOSALS = 32, 320
 """Number of proposals whose limits without runs are computed together, and largest number of a round."""
-_FEW, _COMPARISONS = (1, 2), 4
+_COUNTS, _COMPARISONS = (1, 2), 4
 """Numbers of designs of the first comparison, which corrects the trends, and of later ones; and largest
 number of comparisons."""
 _NOISE = 0.005
@@ -51,7 +51,7 @@ _INCREMENT = 0.01
 """Increase of the distance from the limits from one comparison to the next, in the logarithm."""
 _LEAST_RUNS = 4
 """Smallest number of standing runs that determine a limited quantity."""
-_RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
+_RESTS, _LEAST_RESTS = "fewer_runs_at_rest", 0.01
 """Name of the limit on the decrease of the runs at rest, and share of runs at rest without a pendulum below
 which they are not compared."""
 _TILT = 0.25
@@ -149,7 +149,7 @@ class Refinement:
                 # Sizes are positive and cover decades, so that their logarithms are smooth functions.
                 x = np.log(np.clip(np.nan_to_num(x, nan=_SIZES[1]), *_SIZES))
                 out[name] = float(np.quantile(x, level) - spare) if len(x) >= _LEAST_RUNS else np.nan
-        if rests > _FEW_RESTS:
+        if rests > _LEAST_RESTS:
             out[_RESTS] = (1.0 - REST_LOSS) * rests - float(runs.share_at_rest.value)
         return out
 
@@ -232,7 +232,7 @@ class Refinement:
     def _proposals(self, rng: np.random.Generator) -> np.ndarray:
         """Draw designs (m, 3) that are compared by their trend: anywhere in the space, and near the best
         trials."""
-        space, best = self.problem.space, np.array(self.designs)[self.order()[:_BEST]]
+        space, best = self.problem.space, np.array(self.designs)[self.order()[:_BEST_COUNT]]
         low, high = space.logarithms(space.ends)
         # All widths, because the distance of the best designs is not known in advance. Along the difference
         # of two good designs a proposal follows the limits, between which the best designs often lie.
@@ -254,8 +254,8 @@ class Refinement:
             # designs further inside follow. Otherwise only trials far away would keep the limits.
             if turn and len(new := self.next(_BATCH, _DISTANCES[1], (turn - 1) * _INCREMENT)):
                 self.evaluate(new)
-            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _FEW[turn > 0]]:
-                self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_FEW)))
+            for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _COUNTS[turn > 0]]:
+                self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_COUNTS)))
                 self.compare(design)
             kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
             if kept and turn:

@@ -38,11 +38,11 @@ _AT_LIMIT = 1e-3
 """Relative distance from a limit below which the limit counts as active."""
 _GAIN = 1e-3
 """Change of the risk over the last quarter of a descent below which it has converged."""
-_FEW = 5
+_LEAST_STEPS = 5
 """Smallest number of steps of this quarter."""
-_FIRST, _LAST = 0.06, 0.02
+_FIRST_STEP, _STEP_RATIO = 0.06, 0.02
 """First step of Adam in shares of the bounds, and the ratio of the last step to the first."""
-_LARGEST = 2.0
+_LARGEST_VALUE = 2.0
 """Largest value of an objective of order one. Designs without an attracting motion have larger values."""
 AT_BOUND = 1e-4
 """Distance from a bound, in shares of the bounds, below which a design is at the bound."""
@@ -181,7 +181,7 @@ def _check_size(orbits: Orbits, e: Evaluation) -> None:
     """Raise `ValueError` if the values of an objective are not comparable with the values of rest."""
     value = e.merit[e.kind <= NEAR]
     # The factor of `Settling` is above 1 under some conditions, although the orbit attracts.
-    if len(value) and not np.any((value >= 0.0) & (value <= _LARGEST)):
+    if len(value) and not np.any((value >= 0.0) & (value <= _LARGEST_VALUE)):
         raise ValueError(
             f"`size` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
             f"but are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
@@ -240,7 +240,7 @@ class Ends(NamedTuple):
     def converged(self) -> np.ndarray:
         """Whether the merit of each descent hardly changed over the last quarter of the steps, (m,)."""
         # One step that was taken back is no sign of convergence, so a few steps are the least.
-        last = max(_FEW, len(self.merits) // 4)
+        last = max(_LEAST_STEPS, len(self.merits) // 4)
         before = self.merits[max(-1 - last, -len(self.merits))]
         return np.isfinite(before) & (before - self.merit <= _GAIN * np.maximum(np.abs(self.merit), _GAIN))
 
@@ -268,7 +268,7 @@ def transformation(
     if optimiser == "newton":
         return newton(cap, steps, widths)
     if optimiser == "adam":
-        schedule = optax.cosine_decay_schedule(_FIRST, steps, alpha=_LAST)
+        schedule = optax.cosine_decay_schedule(_FIRST_STEP, steps, alpha=_STEP_RATIO)
         optimiser = optax.adam(schedule, b1=0.8, b2=0.95)
     # An optimiser of optax acts on one design: here it gets an axis for the descents.
     init, update = (jax.jit(jax.vmap(part)) for part in optimiser)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ _RANGES = {
     "length": LENGTHS,
 }
 """Largest ranges of a design space."""
-_SMALL = 0.01
+_LINEAR_SHARE = 0.01
 """Share of an upper bound below which shares of the bounds are no longer logarithmic."""
 
 
@@ -77,9 +77,6 @@ class DesignSpace:
     hinge_height: checks.Real | None = None
     """Height of the hinge above the base in m, up to twice the height of the block (default: its top)."""
 
-    table: dict[str, Any] = field(init=False, compare=False, repr=False, default_factory=dict)
-    """Bounds as they were stated, as in the table [space] of a job file."""
-
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
             in_si, as_ratio = getattr(self, name), getattr(self, ratio)
@@ -93,10 +90,8 @@ class DesignSpace:
             number = checks.within if name == "damping_ratio" else checks.positive
             check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
             checks.set_checked(self, check, name, *_RANGES[name])
-        self.table.update({name: getattr(self, name) for name in names})
         if self.hinge_height is not None:
             checks.set_checked(self, checks.positive, "hinge_height", *LENGTHS)
-            self.table["hinge_height"] = self.hinge_height
         if not any(isinstance(getattr(self, name), tuple) for name in names):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
@@ -131,13 +126,9 @@ class DesignSpace:
             # The usual bounds end where the bob would hang below the base.
             out["length_ratio"] = (low, min(high, longest))
         for x in np.ravel([] if self.length_ratio is None else out.get("length_ratio", self.length_ratio)):
-            checks.at_most(
-                "length_ratio",
-                x,
-                longest,
-                "the smaller height of hinge and block over that of the centroid",
-            )
-        return self.with_ratios(**out)
+            most = "the smaller height of hinge and block over that of the centroid"
+            checks.at_most("length_ratio", x, longest, most)
+        return replace(self, **out)
 
     def hinge_ratio(self, block: Block) -> float:
         """Return the height of the hinge over that of the centroid of a block, kappa."""
@@ -146,12 +137,6 @@ class DesignSpace:
     def longest_ratio(self, block: Block) -> float:
         """Return the largest length ratio: a longer rod would reach the base, or exceed the height."""
         return min(float(block.height / block.centroid), self.hinge_ratio(block))
-
-    def with_ratios(self, **bounds: Any) -> DesignSpace:
-        """Return the space with other bounds that follow from the stated ones, whose table it keeps."""
-        out = replace(self, **bounds)
-        object.__setattr__(out, "table", self.table)
-        return out
 
     @property
     def ends(self) -> np.ndarray:
@@ -195,7 +180,7 @@ class DesignSpace:
         """Numbers that are added to the varied parameters before the logarithm is taken, (len(names),)."""
         low, high = self.bounds
         # A bound may be zero, or so small that most of a logarithmic range would have no effect.
-        return np.maximum(_SMALL * high - low, 0.0)
+        return np.maximum(_LINEAR_SHARE * high - low, 0.0)
 
     def logarithms(self, designs: np.ndarray) -> np.ndarray:
         """Return the logarithms of the varied parameters of designs (..., 3), shape (..., len(names)).

@@ -12,15 +12,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
 from tpd.design.job import Job, job_of, naming
 from tpd.design.reasons import DesignStatus
 from tpd.scene.scene import Pendulum
 
-VERSION = 14
+VERSION = 15
 """Version of the file. It increases when a key that is read here changes its meaning or is removed."""
-_TYPES = {dict: "a table", str: "a text"}
+_TABLES = {"job": True, "pendulum": True, "versions": False}
+"""Keys of the file that are tables, and whether they can be null."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -33,8 +35,8 @@ class StoredDesign(Printed):
     """Verdict on the design."""
     pendulum: Pendulum | None
     """Pendulum of the design, in SI units; None if none is recommended."""
-    tables: dict[str, Any]
-    """Tables of the job file that repeats the search."""
+    tables: dict[str, Any] | None
+    """Tables of the job file that repeats the search; None for a design of Python objects."""
     versions: dict[str, str]
     """Versions of the packages that computed the design, by name."""
     content: dict[str, Any]
@@ -46,7 +48,13 @@ class StoredDesign(Printed):
         `tpd.optimise`.
 
         Records are read again from their files.
+
+        Raises:
+            ValueError: the design was not made from a job.
         """
+        if self.tables is None:
+            remedy = "give a job file and the pendulum, or pass a `tpd.Job` to `tpd.optimise`"
+            raise ValueError(f"{self.path} has no job, because its design was made in Python: {remedy}")
         return job_of(self.tables)
 
     def __str__(self) -> str:
@@ -90,43 +98,32 @@ def read_design(path: str | Path) -> StoredDesign:
     if version != VERSION:
         raise ValueError(f"{file} must be of version {VERSION}, but is of {version!r}: run the job again")
     try:
+        for name, can_be_null in _TABLES.items():
+            if name not in content:
+                raise ValueError(f"it has no `{name}`")
+            if not (isinstance(value := content[name], dict) or (can_be_null and value is None)):
+                raise ValueError(f"`{name}` must be a table, but is {value!r}")
+        checks.one_of("status", content.get("status"), tuple(DesignStatus.__members__))
         stored = StoredDesign(
             path=file,
-            tables=_key(content, "job", dict),
-            pendulum=_pendulum(content),
-            status=_status(content),
-            versions=_key(content, "versions", dict),
+            tables=content["job"],
+            pendulum=_pendulum(content["pendulum"]),
+            status=DesignStatus[content["status"]],
+            versions=content["versions"],
             content=content,
         )
         # Build the job now: a damaged file is rejected here, and not later when the job is used.
-        _ = stored.job
+        _ = stored.tables and stored.job
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None
     return stored
 
 
-def _key(content: dict[str, Any], name: str, kind: type) -> Any:
-    """Return the value of a key, or raise `ValueError` if the key is missing or its value has another
-    type."""
-    if name not in content:
-        raise ValueError(f"it has no `{name}`")
-    if not isinstance(content[name], kind):
-        raise ValueError(f"`{name}` must be {_TYPES[kind]}, but is {content[name]!r}")
-    return content[name]
-
-
-def _pendulum(content: dict[str, Any]) -> Pendulum | None:
-    if content["pendulum"] is None:
+def _pendulum(values: dict[str, Any] | None) -> Pendulum | None:
+    if values is None:
         return None
-    values, names = _key(content, "pendulum", dict), [f.name for f in fields(Pendulum)]
+    names = [f.name for f in fields(Pendulum)]
     if values.keys() != set(names):
         raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {', '.join(values) or 'none'}")
     with naming("pendulum"):
         return Pendulum(**values)
-
-
-def _status(content: dict[str, Any]) -> DesignStatus:
-    name = _key(content, "status", str)
-    if name not in DesignStatus.__members__:
-        raise ValueError(f"`status` must be one of {', '.join(DesignStatus.__members__)}, but is {name!r}")
-    return DesignStatus[name]

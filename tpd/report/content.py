@@ -9,7 +9,6 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from msgspec.structs import replace
@@ -117,11 +116,8 @@ _CAPTIONS = {
 def content(
     design: Design,
     details: Details,
-    job_toml: str = "",
     directory: Path | None = None,
-    project: Mapping[str, Any] = MappingProxyType({}),
     date: str = "",
-    record_notes: Sequence[str] = (),
     lines: int = MOST,
 ) -> Report:
     """Build the report of a design.
@@ -129,16 +125,15 @@ def content(
     Args:
         design: the answer of `optimise`.
         details: further results that the report shows, from `tpd.details`.
-        job_toml: content of the job file that repeats the search; left out if empty.
-        directory: folder of the report, for the command that repeats the search.
-        project: table [project] of the job: name, author, checker and revision.
+        directory: folder of the report, for the commands that need its job.
         date: date of the report, for the title.
-        record_notes: notes of the reader on the files of the records.
         lines: largest number of lines of the summary on the terminal.
     """
     # A picture whose data is missing has no figure, so the report does not refer to it.
-    name = project.get("name") or ""
-    first, drawn = summary(design, details, directory, name), figures(design, details)
+    job = design.problem.job
+    project: Mapping[str, Any] = job.full["project"] if job else {}
+    name, folder = project.get("name") or "", directory if job else None
+    first, drawn = summary(design, details, folder, name), figures(design, details)
 
     def picture(file: str) -> list[Block]:
         # A picture whose data is missing has no figure, so the report does not refer to it.
@@ -153,8 +148,8 @@ def content(
         "Notes": [n for n in first.notes if n.severity is not Severity.danger],
         "Build it": construction.section(design, details),
         "Lighter pendulums": front,
-        **sections.sections(design, details, picture, record_notes),
-        "Appendix: how to repeat the search": _repeat(design, job_toml, directory),
+        **sections.sections(design, details, picture),
+        "Appendix: how to repeat the search": _repeat(design, folder),
     }
     return Report(
         title=words.title(design.scene, name, date),
@@ -273,7 +268,7 @@ def _scope(project: Mapping[str, Any], date: str) -> list[Block]:
     ]
 
 
-def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block]:
+def _repeat(design: Design, directory: Path | None) -> list[Block]:
     """Return the command and the job file that repeat the search, and the versions of the packages."""
     out: list[Block] = []
     if directory is not None:
@@ -282,8 +277,8 @@ def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block
             Text("This command writes explore.html, an interactive page of this design, beside this page:"),
             Code(f"tpd explore {shlex.quote(str(directory))}"),
         ]
-    if job_toml:
-        out += [Text("The file scene.toml in the folder of this report contains:"), Code(job_toml)]
+    if job := design.problem.job:
+        out += [Text("The file scene.toml in the folder of this report contains:"), Code(job.toml)]
     versions = ", ".join(f"{name} {v}" for name, v in files.versions().items())
     return [
         *out,

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec.structs import replace
@@ -34,9 +33,6 @@ def write(
     directory: Path,
     design: Design,
     details: Details,
-    job_tables: dict[str, Any],
-    job_toml: str,
-    record_notes: Sequence[str] = (),
     *,
     overwrite: bool,
     lines: int = MOST,
@@ -51,9 +47,6 @@ def write(
         directory: folder of the report, which is made if it does not exist.
         design: the answer of `optimise`.
         details: further results that the report shows, from `tpd.details`.
-        job_tables: the job as plain tables, for design.json; empty if no job file can describe the problem.
-        job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
-        record_notes: notes of the reader on the files of the records.
         overwrite: whether the folder may contain files.
         lines: largest number of lines of the summary on the terminal.
         then: function that is called with the report when the numbers are written, before the first picture
@@ -61,11 +54,10 @@ def write(
         warn: function that is called with a sentence for each picture that cannot be drawn, and on files
             in the folder that do not belong to the report.
     """
-    project, folder = job_tables.get("project", {}), directory if job_toml else None
-    report = content(design, details, job_toml, folder, project, files.today(), record_notes, lines)
-    results_json = as_json(design, details, report.summary, job_tables, record_notes)
+    report, job = content(design, details, directory, files.today(), lines), design.problem.job
+    results_json = as_json(design, details, report.summary)
     tables = {TEXT: text(report), files.REPORT: results_json, DATA: data(report)}
-    tables |= {"scene.toml": job_toml} if job_toml else {}
+    tables |= {"scene.toml": job.toml} if job else {}
     tables |= _tables(design, details)
     results = files.Results(directory, files.REPORT, overwrite=overwrite)
     written = [results.place(name, inside) for name, inside in tables.items()]
@@ -95,8 +87,8 @@ def write_report(
 ) -> list[Path]:
     """Write the report of a design into a folder, and return the paths of its files.
 
-    The report has an HTML page, a text, all results as JSON, tables as CSV, and pictures. If a job file can
-    describe the problem, the report also has the job file scene.toml, which repeats the search.
+    The report has an HTML page, a text, all results as JSON, tables as CSV, and pictures. The report of a
+    design that was made from a `Job` also has the job file scene.toml, which repeats the search.
 
     Args:
         design: the answer of `optimise`.
@@ -118,7 +110,7 @@ def write_report(
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     paths = tpd.write_report(design, folder)
         >>> [path.name for path in paths]
-        ['report.txt', 'design.json', 'report.json', 'scene.toml', 'drawing.svg', 'report.html']
+        ['report.txt', 'design.json', 'report.json', 'drawing.svg', 'report.html']
     """
     checks.instance("design", design, Design)
     checks.optional("details", details, Details)
@@ -127,13 +119,7 @@ def write_report(
     files.claim(folder, overwrite=overwrite)
     with bar_for(progress) as report:
         results = compute(design, progress=report) if details is None else details
-    # No job file can describe a limit that the user defined, or motions that exist only in Python.
-    try:
-        job = design.problem.job
-    except ValueError as error:
-        warnings.warn(f"the report is written without scene.toml: {error}", stacklevel=2)
-        return write(folder, design, results, {}, "", overwrite=overwrite)
-    return write(folder, design, results, job.tables, job.toml, overwrite=overwrite)
+    return write(folder, design, results, overwrite=overwrite)
 
 
 def _tables(design: Design, details: Details) -> dict[str, str]:

@@ -5,7 +5,6 @@ The file `design.schema.json` describes its format."""
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -21,6 +20,7 @@ from tpd.design.reasons import Reason
 from tpd.design.sizes import MOTION_KINDS
 from tpd.design.stored_design import VERSION
 from tpd.design.trend import Trend
+from tpd.design.variations import Dependence
 from tpd.report import words
 from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
@@ -33,12 +33,11 @@ _DESIGN = (
     "space",
     "seed",
 )
+_COMPARISON = "pairs", "undecided", "benefit", "overturning_reduction"
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
-def as_json(
-    design: Design, details: Details, first: Summary, job_tables: dict[str, Any], notes: Sequence[str] = ()
-) -> str:
+def as_json(design: Design, details: Details, first: Summary) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
     p = problem.parameters(pendulum)
@@ -64,7 +63,7 @@ def as_json(
         "requirements": replace(problem.requirements, wall_contacts=problem.allowed, reduce=measure),
         "limits": limits,
         "utilisation": design.usage,
-        "job": job_tables,
+        "job": problem.job and problem.job.tables,
         "versions": files.versions(),
         "parameters": p and {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "runs": design.runs,
@@ -74,7 +73,7 @@ def as_json(
         "search": design.search,
         "records": {
             "files": [{"group": name, **facts} for name, facts in words.records(design)],
-            "notes": list(notes),
+            "notes": list(problem.job.file_notes if problem.job else ()),
         },
     }
     return files.as_json(json_of(entries))
@@ -90,6 +89,11 @@ def json_of(x: Any) -> Any:
         # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
             return json_of(x.summary())
+        case Dependence():
+            # A variation is compared with the stated design: all else of its runs would repeat much.
+            runs = {name: getattr(x.runs, name) for name in _COMPARISON}
+            changes = [x.runs.change(name) for name in ("mean tilt", "overturned")]
+            return json_of(x._asdict() | {"runs": runs | {"changes": changes}})
         case Trend():
             # The trend follows from the trials, which are written as well.
             return None

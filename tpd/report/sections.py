@@ -27,7 +27,7 @@ _SOUND = "The reduction remains significant in all variations of the linear runs
 
 
 def sections(
-    design: Design, details: Details, picture: Callable[[str], Sequence[Block]], record_notes: Sequence[str]
+    design: Design, details: Details, picture: Callable[[str], Sequence[Block]]
 ) -> dict[str, list[Block]]:
     """Return the blocks of each section by its title, in the order of the report.
 
@@ -37,7 +37,6 @@ def sections(
         design: the answer of `optimise`.
         details: further results that the report shows, from `tpd.details`.
         picture: function that returns a list with the figure of a file, or an empty list.
-        record_notes: notes of the reader on the files of the records.
     """
     runs = over_runs(design)
     return {
@@ -49,7 +48,7 @@ def sections(
         "Settled motion": settled(design, picture("conditions.svg")),
         "Appendix: search": searched(design, picture("search.png")),
         "Appendix: rejected designs": rejected(design),
-        "Appendix: records": records(design, record_notes),
+        "Appendix: records": records(design),
     }
 
 
@@ -317,7 +316,7 @@ def rejected(design: Design) -> list[Block]:
     return [Table(head, rows, "Designs that did not pass the validation.")] if rows else []
 
 
-def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
+def records(design: Design) -> list[Block]:
     """Return a table of the records in each group of motions, and the notes on their files."""
     rows: list[tuple[Cell, ...]] = []
     for name, f in words.records(design):
@@ -329,5 +328,6 @@ def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
     # The same earthquake can have different names in two files. The user has to check such
     # records.
     every = [m for motions in words.groups(design).values() for m in motions]
-    listed = dict.fromkeys([*record_notes, *same_earthquakes(every)])
+    notes = design.problem.job.file_notes if design.problem.job else ()
+    listed = dict.fromkeys([*notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]

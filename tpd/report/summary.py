@@ -17,7 +17,7 @@ from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.design.variations import USUAL
+from tpd.design.variations import WIDENING
 from tpd.limits import LABELS, MEASURED, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Summary, danger, note
@@ -114,7 +114,7 @@ def wider_bases(details: Details) -> str:
     if details.equivalent_widening is not None:
         # The report has a table with the wider bases.
         return f"the pendulum has the same effect as a block {words.wider(details.equivalent_widening)}"
-    bases = (of for of in details.of("base") if of.share <= USUAL)
+    bases = (of for of in details.of("base") if of.share <= WIDENING)
     shares = (f"{percent(of.runs.change('overturned').with_pendulum, 1)} ({of.words})" for of in bases)
     return f"overturned in the same runs: {', '.join(shares)}"
 

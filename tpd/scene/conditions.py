@@ -72,9 +72,6 @@ therefore an indication."""
 HalfWidth = checks.Real | Normal
 """Scatter of a quantity: the relative half width of a uniform distribution, or the distribution of e."""
 
-_EXACTLY = {"conditions": {"exactly": True}}
-"""Table of a single condition, the excitation of the scene."""
-
 
 def train_of(motion: Harmonic, amplitude: float = 1.0, frequency: float = 1.0) -> Pulse:
     """Return the first periods from rest of a harmonic with factors on its amplitude and frequency."""
@@ -116,9 +113,6 @@ class Conditions:
     """Name in `tpd.records.intensity` of the measure to which the amplitude of a ground motion refers."""
     scales: tuple[float, ...] = ()
     """Values of the intensity to which every ground motion is scaled."""
-    tables: Mapping[str, Mapping[str, Any]] | None = field(default=None, compare=False)
-    """Tables of a job file for these conditions of a harmonic; empty for the neighbourhood of the excitation,
-    which is the default of a job, and None if no table describes them."""
     hazard: Hazard | None = None
     """Seismic hazard of the site, for the annual rate of overturning under ground motions."""
 
@@ -132,8 +126,6 @@ class Conditions:
         }
         object.__setattr__(self, "factors", factors)
         checks.instance("motions", self.motions, tuple)
-        if not (self.factors or self.motions):
-            object.__setattr__(self, "tables", _EXACTLY)
         if self.which is not None:
             checks.array("which", self.which, (-1,), "a vector of indices of motions")
         if len(self._lengths) > 1:
@@ -169,7 +161,6 @@ class Conditions:
             which,
             self.intensity if self.motions else other.intensity,
             self.scales or other.scales,
-            _joined(self.tables, other.tables),
             self.hazard or other.hazard,
         )
 
@@ -196,7 +187,7 @@ class Conditions:
         phrase = f"{most} of {n} conditions: {', '.join(self.description)}"
         which = None if self.which is None else self.which[chosen]
         factors = {k: v[chosen] for k, v in self.factors.items()}
-        return replace(self, factors=factors, description=(phrase,), which=which, tables=None)
+        return replace(self, factors=factors, description=(phrase,), which=which)
 
     @property
     def ranks(self) -> np.ndarray:
@@ -282,9 +273,7 @@ class Conditions:
         low, high = own * (1.0 - frequency), own * (1.0 + frequency)
         phrase = f"{count} frequencies from {low:.3g} to {high:.3g} Hz"
         near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
-        near = near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
-        is_usual = (frequency, amplitude, count) == (0.05, 0.1, 5)
-        return replace(near, tables={}) if is_usual else near
+        return near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
 
     @staticmethod
     def band(scene: Scene, low: checks.Real, high: checks.Real, count: checks.Whole = 20) -> Conditions:
@@ -300,8 +289,7 @@ class Conditions:
         count = checks.count("count", count, least=2)
         phrase = f"{count} frequencies from {low:g} to {high:g} Hz"
         factors = {"frequency": np.geomspace(low, high, count) / own}
-        tables = {"conditions": {"band": [low, high], "frequencies": count}}
-        return Conditions(factors, (phrase,), {"frequency": (own, "Hz")}, tables=tables)
+        return Conditions(factors, (phrase,), {"frequency": (own, "Hz")})
 
     @staticmethod
     def amplitudes(*factors: checks.Real) -> Conditions:
@@ -310,12 +298,10 @@ class Conditions:
         Raises:
             ValueError: there is no factor, or a factor is not positive.
         """
-        if not factors:
-            raise ValueError("`factors` must contain at least one number, but is empty")
-        factors = tuple(checks.positive("factors", factor) for factor in factors)
+        numbers = checks.array("factors", factors, (-1,), "one or more numbers")
+        checks.positive("factors", numbers, every=True)
         phrase = f"amplitude factors {', '.join(f'{x:g}' for x in factors)}"
-        tables = {"conditions": {"amplitudes": list(factors)}}
-        return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,), tables=tables)
+        return Conditions({"amplitude": numbers}, (phrase,))
 
     @staticmethod
     def records(
@@ -407,19 +393,7 @@ class Conditions:
         widths = ", ".join(
             str(w) if isinstance(w, Normal) else f"{n} within {w:.0%}" for n, w in half_widths.items()
         )
-        tables = {"conditions": {"samples": size}, "scatter": half_widths}
-        phrase = f"{size} samples of {widths or 'nothing'} (seed {seed})"
-        return Conditions(factors, (phrase,), tables=tables)
-
-
-def _joined(first: Mapping[str, Any] | None, second: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    """Return the tables of a combination of conditions; None if no table describes it."""
-    if _EXACTLY in (first, second):
-        return second if first == _EXACTLY else first
-    # Two bands, for example, cannot both be in one table.
-    if not (first and second) or any(first.get(x, {}).keys() & keys.keys() for x, keys in second.items()):
-        return None
-    return {x: {**first.get(x, {}), **second.get(x, {})} for x in {**first, **second}}
+        return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
 def _check_scene(scene: object) -> None:
