@@ -5,20 +5,16 @@ Runs are simulated one by one. In a vectorised batch every run would wait for th
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
 from tpd.compiled import series
 from tpd.compiled.columns import RUN, STEADY, SWING_PULL, TILT_PULL
-from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import (
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
-    entered,
+    entrance,
     inputs_of,
     on_host,
     pieces,
@@ -52,7 +48,6 @@ from tpd.compiled.plant import compiled
 from tpd.compiled.settle import settle
 from tpd.compiled.steady import steady_state
 from tpd.compiled.trajectory import trajectory
-from tpd.core.machine_code import stored
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
@@ -170,7 +165,6 @@ def _follow_ground(a, first, last, history, buffers):
         out.state[TILT_PULL], out.state[SWING_PULL], m.n_legs = now[TILT_PULL], now[SWING_PULL], count
 
 
-@compiled
 def _run(a, first, last):
     """Compute rows of the task that the settings name."""
     settings, _, _, _, _, _, _, _ = addresses_in(a)
@@ -187,23 +181,7 @@ def _run(a, first, last):
     return len(buffers.motions)
 
 
-_enter = entered(_run, __name__)
-
-
-def _entrance(version: int) -> Any:
-    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
-
-    def call(address):
-        """Compute the rows that a frame describes."""
-        return _enter(address, version)
-
-    # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
-    # the values of variables from outside the function are part of the key, so that `version` makes the cache
-    # safe.
-    return stored(call, numba.cfunc, "int64(int64)")
-
-
-CALL = _entrance(checksum())
+CALL = entrance(_run)
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

@@ -134,7 +134,7 @@ def _is_converged(c, n, power, former, inverse):
 
 
 @compiled
-def _expand_linear(q, m, e, remaining, most, w):
+def expand_linear(q, m, e, remaining, most, w):
     """Compute the series of a moving block under (25), see `_expand_slipping`."""
     c, inverse = w.series, w.inverse
     # Weight and friction are constants, so that the tilt is measured from their equilibrium.
@@ -307,7 +307,7 @@ def terms(q, m, e, remaining, most, w):
     with a complex series. If the time `remaining` is infinite, the order is `most`.
     """
     if q.linear.real != 0.0 and m.kind == SLIP:
-        return _expand_linear(q, m, e, remaining, most, w)
+        return expand_linear(q, m, e, remaining, most, w)
     _expand_forcing(q, e, most + 1, w)
     if q.linear.real != 0.0:
         return _expand_held_linear(q, m, remaining, most, w)
@@ -330,13 +330,25 @@ def expand(q, m, y, e, remaining, w):
     Returns the order, and the time (at most `remaining`) for which the error is allowed. This time is NaN if
     the series is not finite.
     """
-    c, inverse, smallest = w.series, w.inverse, math.inf
+    set_errors(q, y, w)
+    return step_of(terms(q, m, e, remaining, w.order, w), remaining, w)
+
+
+@compiled
+def set_errors(q, y, w):
+    """Write the state `y` into the series, and set the allowed errors of a step from there."""
+    inverse = w.inverse
     load_state(y, w)
     # The equations (25) are solved to rounding, also for small motions.
     least = 1e-4 if q.linear != 0.0 else 0.1
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
-    order = terms(q, m, e, remaining, w.order, w)
+
+
+@compiled
+def step_of(order, remaining, w):
+    """Return the order of a series, and the time for which its error is allowed, see `expand`."""
+    c, smallest = w.series, math.inf
     # Under a ground motion the angle between rod and block is another result.
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
@@ -344,7 +356,7 @@ def expand(q, m, y, e, remaining, w):
         return order, remaining
     # The last two terms give the length of the step.
     for n in range(order - 1, order + 1):
-        term = _term(c, n, inverse)
+        term = _term(c, n, w.inverse)
         if not term < math.inf:
             return order, math.nan
         if term > 0.0:

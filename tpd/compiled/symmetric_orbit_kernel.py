@@ -196,7 +196,10 @@ def _follow_path(q, m, t, gamma, path, motion, w, orbit):
         slows, horizon, event = (1.0 if now[TILT_PULL] > 0.0 else -1.0), duration + 2.0 * late, CONTINUES
         for _ in range(_STEPS):
             e = Load(q.xi, gamma + q.xi * (arc_start + time), 1.0, 0.0, 0.0, 0.0)
-            order, h = series.expand(q, motion, y, e, horizon - time, w)
+            # Call the series of (25) alone: Numba would also compile those of (4) for `series.expand`.
+            series.set_errors(q, y, w)
+            order = series.expand_linear(q, motion, e, horizon - time, w.order, w)
+            order, h = series.step_of(order, horizon - time, w)
             if not h > 0.0:
                 return _BROKEN
             event, h = first_event(q, motion, order, h, w)
