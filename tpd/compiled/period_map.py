@@ -24,6 +24,7 @@ from tpd.compiled.columns import (
     REST,
     RUN,
     SLIP,
+    STEADY,
     SWING,
     TILT,
 )
@@ -72,10 +73,11 @@ method from its start, in shares of the scales; the `periods` and the `residual`
 which a run was moved; the mode at the start (`kind`, `tilt`, `direction`); the largest angles to either side
 (`peaks`), see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
-Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
+Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled answers legs")
 """Arrays of records: one plant; four motions (the one that is simulated, an approaching one, the start of a
-cycle, and a trial); one workspace; one reader; two cycles; one record `RUN`; and the usual number of legs. A
-record does not keep its array alive, so that these arrays must live as long as the records are used."""
+cycle, and a trial); one workspace; one reader; two cycles; one record `RUN`; one record `STEADY` for an orbit
+to which a run may be moved; and the usual number of legs. A record does not keep its array alive, so that
+these arrays must live as long as the records are used."""
 BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
 SIMULATED, APPROACHING, CYCLE_START, TRIAL = range(4)
@@ -91,8 +93,9 @@ ONLY = np.int64(0)
 def new_buffers():
     """Allocate the buffers."""
     plants, motions, workspaces = np.empty(1, PLANT), np.zeros(4, MOTION), np.zeros(1, series.WORK)
-    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, RUN), np.empty(LEGS, LEG)
-    return Buffers(plants, motions, workspaces, np.zeros(1, READER), cycles, settled, legs)
+    cycles, settled, answers = np.empty(2, CYCLE), np.empty(1, RUN), np.empty(1, STEADY)
+    readers, legs = np.zeros(1, READER), np.empty(LEGS, LEG)
+    return Buffers(plants, motions, workspaces, readers, cycles, settled, answers, legs)
 
 
 @part

@@ -18,7 +18,7 @@ import numpy as np
 
 from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.compiled.motion import MOTION
-from tpd.compiled.plant import coefficients, compiled, places
+from tpd.compiled.plant import NONE, coefficients, compiled, places
 
 ORDERS = 32
 """Largest number of coefficients of a series."""
@@ -61,8 +61,6 @@ rounding errors of times; and whether the largest |psi - phi| is computed (`rela
 For `tpd.compiled.strides`: the strides of the slipping and of the held block (`of_strides`: the map of a
 stride, the bounds of second derivatives, and whether both are known); the length of a `stride`; the state `z`
 with the forcing at its start; the state with the bounds at its end (`now`); and another motion (`trial`)."""
-_NONE = np.int64(0)
-"""Zero, as a NumPy scalar."""
 _HALVED = 60
 """Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
 _STRETCHES = 64
@@ -476,7 +474,7 @@ def positive_until(w, row, sign, order, floor, h):
         return h, False
     # If the signal starts at zero except for rounding, its sign is that of the next order. A state has no
     # rounding error: after an event it is zero.
-    first, power = _NONE, 1.0
+    first, power = NONE, 1.0
     if row <= R and c[row, VALUE] != 0.0:
         size = 0.0
     while first < 3 and abs(c[row, first]) * power <= 10.0 * w.tiny * size:
@@ -505,7 +503,7 @@ def largest_turn(w, row, order, h, threshold):
     sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, SLOPE])
     # The proof of a stretch without a turn may end early, and then goes on from there.
     for _ in range(_STRETCHES):
-        t, turns = first_zero(w, rate, sign, order, _NONE, t, h)
+        t, turns = first_zero(w, rate, sign, order, NONE, t, h)
         if t >= h:
             break
         value = value_at(w, row, order, t) if turns else 0.0

@@ -32,7 +32,7 @@ from tpd.compiled.legs import INPUTS, STATE, fill_plants
 from tpd.compiled.motion import LEG, copy_to, is_finite, largest, reset_counts, set_motion
 from tpd.compiled.near_orbits import CONVERGED, NEARBY, Past, orbit_near
 from tpd.compiled.period_map import BEST, TRIAL, Limits, records_of
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import NONE, ONE, compiled
 from tpd.compiled.repetition import LONGEST, NEWEST
 
 _PERIODS_PER_SEARCH = 150.0, 24.0
@@ -50,7 +50,7 @@ def _stays_held(q, m, legs, w, psi, rate, trial):
     reset_counts(trial)
     trial.y[SWING], trial.y[SWING_RATE] = psi, rate
     # A release would be an event, and only one event is allowed.
-    return one_period(q, harmonic(), trial, legs, w, 0.0, 0.0, 1) == ARRIVED
+    return one_period(q, harmonic(), trial, legs, w, 0.0, 0.0, ONE) == ARRIVED
 
 
 @compiled
@@ -160,12 +160,12 @@ def settle(x, buffers, s, since, ramp, out):
     """
     (q, m, w, r), trial, legs = records_of(buffers), buffers.motions[TRIAL], np.empty(0, LEG)
     series.prepare(x, s, q, w)
-    fill_plants(x, 0, s.linear, r)
+    fill_plants(x, NONE, s.linear, r)
     # No legs are recorded before an orbit is searched for, and linear runs take strides.
     scales, y, tolerance, events = set_scales(q, w), m.y, s.tolerance, int(s.events)
     limits = Limits(events, (STATE, INPUTS), NEARBY)
     past = Past(np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2))
-    last, peaks, gap, gap_periods = past.periods, past.peaks, 0.0, 0
+    last, peaks, gap, gap_periods = past.periods, past.peaks, 0.0, NONE
     copy_to(y, last[NEWEST].y)
     reset_counts(m)
     buffers.cycles[BEST].periods = 0.0
