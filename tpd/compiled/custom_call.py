@@ -40,11 +40,11 @@ computes."""
 _FROM, _TO, _BUFFERS = 1, 2, 3
 """Columns of a frame from Python, whose size is 0: the first row, the row after the last, and the first
 buffer."""
-FIELDS = (
-    *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov_periods", "impacts", "slopes"),
-    *("pieces", "record", "free", "brief", "angles", "linear"),
+_NAMES = (
+    "task periods events rest_rate tolerance rtol lyapunov_periods impacts slopes pieces record free brief "
+    "angles linear"
 )
-SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
+SETTINGS: Any = np.dtype([(name, np.float64) for name in _NAMES.split()])
 """A row of settings. A task ignores the settings that it does not need.
 
 - `task`: number of the task.

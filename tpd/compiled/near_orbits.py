@@ -9,7 +9,7 @@ import numpy as np
 from tpd.compiled.legs import ANGLES, STATE
 from tpd.compiled.motion import copy_to, set_motion
 from tpd.compiled.period_map import APPROACHING, BEST, find_orbit, multipliers
-from tpd.compiled.plant import NONE, compiled
+from tpd.compiled.plant import ONLY, compiled
 from tpd.compiled.repetition import scales_of
 
 NEARBY, _NEGLIGIBLE = 0.05, 1e-4
@@ -93,7 +93,7 @@ def orbit_near(q, m, buffers, past, count, limits, periods):
     changes the state of the motion `m`, writes the sizes of the orbit into `past`, and returns True.
     Otherwise nothing changes.
     """
-    c, answer, gap, scales = buffers.cycles[BEST], buffers.answers[NONE], np.empty(4), scales_of(q)
+    c, answer, gap, scales = buffers.cycles[BEST], buffers.answers[ONLY], np.empty(4), scales_of(q)
     y, distance = answer.state, 0.0
     copy_to(m.y, y)
     # Use a copy of the motion. If there is no orbit, the run continues unchanged.

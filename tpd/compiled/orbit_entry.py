@@ -6,7 +6,7 @@ import numpy as np
 
 from tpd.compiled.columns import WIDTH
 from tpd.compiled.custom_call import addresses_in, entrance, on_host, view
-from tpd.compiled.forcing import FIRST_PIECE
+from tpd.compiled.plant import ONLY
 from tpd.compiled.symmetric_orbit_kernel import (
     MOVED,
     NUMBERS,
@@ -38,7 +38,7 @@ def _run(a, first, last):
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
     x, works = view(design, (last, WIDTH), np.float64), np.zeros(1, WORK)
-    task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
+    task, count, work = s[first].task, int(s[first].directions), works[ONLY]
     if task == SOLVE:
         orbits = view(third, (last, ORBITS), ORBIT)
         for n in range(first, last):

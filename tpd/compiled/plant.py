@@ -65,6 +65,8 @@ def places(stop: int, start: int = 0) -> tuple[Any, ...]:
 
 NONE, ONE = places(2)
 """The numbers zero and one, of the same type for Numba as a variable."""
+ONLY = NONE
+"""Index of the only item of an array."""
 
 
 def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:

@@ -20,9 +20,7 @@ from tpd.compiled.custom_call import (
     pieces,
     view,
 )
-from tpd.compiled.custom_call import FIELDS as FIELDS
 from tpd.compiled.follow import follow_ground_motion, store_results
-from tpd.compiled.forcing import FIRST_PIECE
 from tpd.compiled.legs import (
     ANGLES,
     GROWING,
@@ -44,7 +42,7 @@ from tpd.compiled.legs import (
 )
 from tpd.compiled.motion import END, LEG, copy_to, larger_side, record_leg
 from tpd.compiled.period_map import SIMULATED, TRIAL, new_buffers, records_of
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import NONE, ONLY, compiled
 from tpd.compiled.settle import settle
 from tpd.compiled.steady import steady_state
 from tpd.compiled.trajectory import trajectory
@@ -156,12 +154,12 @@ def _follow_ground(a, first, last, history, buffers):
         fill_plants(x[n], min(inputs, STATE), s[n].linear, r)
         # Derivatives that do not exist are never written, and must be NaN.
         r.by[:] = np.nan
-        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0)
+        out.growing = read_derivatives(q, f, m, legs, r, (NONE, inputs), s[n].angles != 0.0)
         _store_slopes(m, r.by, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
         # The accelerations at the end, where no forcing acts.
         m.n_legs = 0
         record_leg(m, here, f.pieces, s[n].free, 0.0, 4, END)
-        store_state_at(q, f, here[0], 0.0, w, now)
+        store_state_at(q, f, here[ONLY], 0.0, w, now)
         out.state[TILT_PULL], out.state[SWING_PULL], m.n_legs = now[TILT_PULL], now[SWING_PULL], count
 
 

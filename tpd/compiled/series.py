@@ -65,7 +65,7 @@ _HALVED = 60
 """Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
 _STRETCHES = 64
 """Bound on the stretches of a step between the turns of an angle."""
-_PROVED, _TINY = 60, (1e-15, 1e-16)
+_PROVED, _TINY, _TINY_LINEAR = 60, 1e-15, 1e-16
 """Number of steps of a proof, and the share of its size at which a signal counts as zero, under (4) and under
 (25)."""
 _SLACK = 150.0
@@ -89,7 +89,7 @@ def prepare(x, s, q, w):
 @compiled
 def set_accuracy(q, rtol, w):
     """Set the relative tolerance of a step, and the largest order of a series."""
-    w.tiny = _TINY[1] if q.linear != 0.0 else _TINY[0]
+    w.tiny = _TINY_LINEAR if q.linear != 0.0 else _TINY
     w.rtol, w.inverse[_OF_HELD] = rtol, 1.0 / (rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
     # few more for the work of a step apart from its series. A held block needs two more columns.
@@ -335,12 +335,11 @@ def expand(q, m, y, e, remaining, w):
 @compiled
 def set_errors(q, y, w):
     """Write the state `y` into the series, and set the allowed errors of a step from there."""
-    inverse = w.inverse
     load_state(y, w)
     # The equations (25) are solved to rounding, also for small motions.
     least = 1e-4 if q.linear != 0.0 else 0.1
-    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
-    inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
+    w.inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
+    w.inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
 
 
 @compiled
@@ -437,7 +436,7 @@ def first_zero(w, row, sign, order, first, t, h):
             value = value * t + sign * c[row, n]
         if done == 0:
             # At a former root the value is zero except for rounding.
-            value, tiny = max(value, 0.0), _TINY[0] * abs(value)
+            value, tiny = max(value, 0.0), _TINY * abs(value)
         elif value <= tiny:
             return t, True
         root = math.sqrt(slope * slope + 2.0 * bend * value)
