@@ -10,14 +10,14 @@ import pytest
 
 from tpd.compiled import custom_call
 from tpd.compiled.calling import RUNS
-from tpd.compiled.custom_call import API_VERSION, FIELDS, FRAME, SETTINGS
+from tpd.compiled.custom_call import API_VERSION, FRAME, SETTINGS
 
 
 def test_settings_of_a_call_reject_unknown_names():
     row = np.array(tuple(RUNS.settings("GROUND", free=2.5)), SETTINGS)
     assert row["task"] == RUNS.entry().GROUND > 0
     assert row["free"] == 2.5
-    assert sum(row[name] for name in FIELDS) == row["task"] + 2.5
+    assert sum(row[name] for name in SETTINGS.names) == row["task"] + 2.5
     with pytest.raises(TypeError, match="there are no settings freely, tasks"):
         RUNS.settings("GROUND", freely=1.0, tasks=2.0)
 

@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 from tests.reference import NAMES, WITH, EventDriven, exact, parameters, settled
-from tpd.compiled import run_entry
+from tpd.compiled import custom_call, run_entry
 from tpd.compiled.calling import RUNS
 from tpd.compiled.columns import STEADY
 from tpd.compiled.rows import row_of
@@ -95,10 +95,10 @@ def test_code_that_cannot_be_cached_is_compiled(monkeypatch):
             raise RuntimeError("cannot cache function: no locator available")
         return lambda function: (function, "compiled")
 
-    monkeypatch.setattr(run_entry.numba, "cfunc", cfunc)
+    monkeypatch.setattr(custom_call.numba, "cfunc", cfunc)
     monkeypatch.setattr(files, "_WARNINGS", set())
     with pytest.warns(UserWarning, match="every run compiles it: cannot cache function"):
-        assert run_entry._entrance(5)[1] == "compiled"
+        assert custom_call.entrance(run_entry._run)[1] == "compiled"
 
 
 @both_equations

@@ -14,7 +14,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from tpd.compiled.calling import RUNS, numbers_in, parts, shape
+from tpd.compiled.calling import RUNS, parts, shape
 from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY, WIDTH
 from tpd.compiled.derivatives import with_slopes
 from tpd.compiled.rows import packed, row_of
@@ -141,7 +141,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     limits = {"events": events, "rest_rate": rest_rate, "slopes": slopes, **accuracy(Terms.linear)}
     settings = RUNS.settings("ORBIT", periods=periods, **limits)
     call, row = (RUNS.on_host, settings) if is_plain else (RUNS, packed(map(stop_gradient, settings)))
-    (record,) = call((shape(numbers_in(STEADY)),), row, *inputs[:2])
+    (record,) = call((shape(STEADY),), row, *inputs[:2])
     fields = parts(record, STEADY)
     # Slopes are real numbers, so complex numbers are divided into their two parts.
     numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])

@@ -360,7 +360,10 @@ _DEPENDING = "amplitude", "swing", "state", "multiplier", "lyapunov", "estimate"
 @lru_cache(maxsize=1)
 def _structure() -> Any:
     """Return the pytree structure of a `Steady`."""
-    none, count, no = jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), bool)
-    return jax.tree.structure(
-        Steady(none, none, Status.failed, count, none, no, none, jnp.zeros(4), count, none)
-    )
+
+    def example() -> Steady:
+        none, count, no = jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), bool)
+        return Steady(none, none, Status.failed, count, none, no, none, jnp.zeros(4), count, none)
+
+    # Only traced: the first array of a process takes JAX 0.1 s.
+    return jax.tree.structure(jax.eval_shape(example))

@@ -30,13 +30,9 @@ module."""
 
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
-    """Return the shape of an array of floats."""
-    return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
-
-
-def numbers_in(record: np.dtype) -> int:
-    """Return the number of floats in a record of compiled code."""
-    return record.itemsize // 8
+    """Return the shape of an array of floats. A size may be a record of compiled code, for all its floats."""
+    lengths = (size.itemsize // 8 if isinstance(size, np.dtype) else int(size) for size in sizes)
+    return jax.ShapeDtypeStruct(tuple(lengths), np.float64)
 
 
 def parts(numbers: Any, record: np.dtype) -> SimpleNamespace:
@@ -206,7 +202,7 @@ def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np
     settings = np.array(
         of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0)
     )
-    return (shape(numbers_in(RUN)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
+    return (shape(RUN),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 
 def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
@@ -216,7 +212,7 @@ def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[
     results could differ there.
     """
     settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
-    return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
+    return (shape(of.entry().PATH_SAMPLES),), (settings, row_of(_TRIAL), u)
 
 
 RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", _run_trial)

@@ -17,8 +17,10 @@ from numba import types
 from numba.extending import intrinsic
 
 from tpd.compiled.columns import WIDTH
+from tpd.compiled.compiling import checksum
 from tpd.compiled.forcing import NO, Forcing
-from tpd.compiled.plant import compiled, part
+from tpd.compiled.plant import compiled, part, shared
+from tpd.core.machine_code import stored
 
 carray: Any = numba.carray  # type: ignore[attr-defined]
 FRAME = 16
@@ -38,11 +40,11 @@ computes."""
 _FROM, _TO, _BUFFERS = 1, 2, 3
 """Columns of a frame from Python, whose size is 0: the first row, the row after the last, and the first
 buffer."""
-FIELDS = (
-    *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov_periods", "impacts", "slopes"),
-    *("pieces", "record", "free", "brief", "angles", "linear"),
+_NAMES = (
+    "task periods events rest_rate tolerance rtol lyapunov_periods impacts slopes pieces record free brief "
+    "angles linear"
 )
-SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
+SETTINGS: Any = np.dtype([(name, np.float64) for name in _NAMES.split()])
 """A row of settings. A task ignores the settings that it does not need.
 
 - `task`: number of the task.
@@ -156,13 +158,18 @@ def rows_of(address, a, api):
     return 0, _buffers(frame, a), False
 
 
-def entered(run: Any, module: str) -> Any:
-    """Return the compiled function that computes the rows of a frame by the function `run(a, first, last)`.
+def entrance(run: Any) -> Any:
+    """Return the entry point that computes the rows of a frame by the function `run(a, first, last)`.
 
-    It returns 0 to XLA, which takes this for success, and `version` to Python.
+    It returns 0 to XLA, which takes this for success, and the checksum of the sources to Python.
     """
+    # Numba's cache checks only this file, and would keep machine code of an older kernel. But the values of
+    # variables from outside the function are part of the key of the cache, so that `version` makes it safe.
+    # A function of Numba would have another key in each process. Therefore `run` is a plain function, which
+    # `shared` lets compiled code call.
+    run, version = shared(run), checksum()
 
-    def enter(address, version):
+    def enter(address):
         """Compute the rows that a frame describes."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, API_VERSION)
@@ -172,10 +179,10 @@ def entered(run: Any, module: str) -> Any:
             run(a, first, last)
         return version if by_host else 0
 
-    # Numba names machine code after the function. Code of several modules is loaded from the cache into one
-    # process, where two functions of the same name would be taken for one.
-    enter.__qualname__ = f"{module}.enter"
-    return compiled(enter)
+    # Numba names machine code and its file in the cache after the function. Code of several modules is loaded
+    # into one process, where two functions of the same name would be taken for one.
+    enter.__qualname__ = f"{run.__module__}.enter"
+    return stored(enter, numba.cfunc, "int64(int64)")
 
 
 def _address_of(buffer: Any) -> int:

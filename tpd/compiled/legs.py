@@ -103,7 +103,7 @@ def fill_plants(x, count, linear, r):
     directions."""
     for j in range(count):
         _plant_along(x, j, linear, r.row, r.plants[j])
-    _plant_along(x, WIDTH, linear, r.row, r.plants[STATE])
+    _plant_along(x, STATE, linear, r.row, r.plants[STATE])
 
 
 @compiled
@@ -378,14 +378,15 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only):
 
 @compiled
 def unstable_tilt(q, tilt, direction):
-    """Return the tilt at which a slipping block is in unstable equilibrium with a hanging bob.
+    """Return the tilt at which a slipping block is in unstable equilibrium with a hanging bob, as a real
+    number.
 
     `tilt` and `direction` are the signs of phi and phi'.
     """
+    weight, up, k = q.weight.real, q.up.real, q.k.real
     if q.linear.real != 0.0:
-        return (tilt * q.weight + direction * q.k) / q.up
-    size = np.sqrt(q.weight * q.weight + q.up * q.up)
-    return tilt * np.arctan(q.weight / q.up) + direction * np.arcsin(q.k / size)
+        return (tilt * weight + direction * k) / up
+    return tilt * np.arctan(weight / up) + direction * np.arcsin(k / np.sqrt(weight * weight + up * up))
 
 
 @compiled
@@ -395,15 +396,20 @@ def growing_coordinate(q, tilt, direction, y, dy, j):
     It is zero on the border between overturning and falling back, under (4) near the equilibrium.
     """
     # The equations are linearised about the equilibrium. Only two coefficients differ from those of (25).
-    phi = unstable_tilt(q, tilt, direction)
-    lever, up = q.kappa, q.up
+    phi, lever, up = unstable_tilt(q, tilt, direction), q.kappa, q.up
+    # One Newton step gives the tilt its derivative. The inverse functions of complex numbers would take
+    # Numba half a second.
+    step = (tilt * q.weight + direction * q.k) / up - phi
     if q.linear.real == 0.0:
         sine, cosine = np.sin(phi), np.cos(phi)
+        moment = up * sine - tilt * q.weight * cosine - direction * q.k
+        step = -moment / (up * cosine + tilt * q.weight * sine)
+        sine, cosine = sine + step * cosine, cosine - step * sine
         lever, up = tilt * q.nu * sine + q.kappa * cosine, q.up * cosine + tilt * q.weight * sine
     l0, l1, l2, l3 = growing_mode(q.m11, -q.pull * lever, -q.rho * lever, q.m22, q.c1, q.c2, up)
     y0, y1 = complex(y[TILT], dy[TILT, j] * STEP), complex(y[SWING], dy[SWING, j] * STEP)
     y2, y3 = complex(y[TILT_RATE], dy[TILT_RATE, j] * STEP), complex(y[SWING_RATE], dy[SWING_RATE, j] * STEP)
-    return l0 * (y0 - phi) + l1 * y1 + l2 * y2 + l3 * y3
+    return l0 * (y0 - phi - step) + l1 * y1 + l2 * y2 + l3 * y3
 
 
 @compiled

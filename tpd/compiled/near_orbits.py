@@ -9,7 +9,7 @@ import numpy as np
 from tpd.compiled.legs import ANGLES, STATE
 from tpd.compiled.motion import copy_to, set_motion
 from tpd.compiled.period_map import APPROACHING, BEST, find_orbit, multipliers
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import ONLY, compiled
 from tpd.compiled.repetition import scales_of
 
 NEARBY, _NEGLIGIBLE = 0.05, 1e-4
@@ -93,7 +93,8 @@ def orbit_near(q, m, buffers, past, count, limits, periods):
     changes the state of the motion `m`, writes the sizes of the orbit into `past`, and returns True.
     Otherwise nothing changes.
     """
-    c, y, gap, scales, distance = buffers.cycles[BEST], np.empty(4), np.empty(4), scales_of(q), 0.0
+    c, answer, gap, scales = buffers.cycles[BEST], buffers.answers[ONLY], np.empty(4), scales_of(q)
+    y, distance = answer.state, 0.0
     copy_to(m.y, y)
     # Use a copy of the motion. If there is no orbit, the run continues unchanged.
     set_motion(y, m, buffers.motions[APPROACHING])
@@ -107,7 +108,7 @@ def orbit_near(q, m, buffers, past, count, limits, periods):
         distance = max(distance, abs(gap[i]) / scales[i])
     # With a multiplier near 1 the run would need thousands of periods, and small differences decide whether
     # it arrives. Such a run is simulated.
-    largest, _, _ = multipliers(q, c.by, np.empty(4, np.complex128))
+    largest, _, _ = multipliers(q, c.by, answer.multipliers)
     if not (distance < NEARBY and largest < _ATTRACTING):
         return False
     if not _is_approaching(c.by, past.periods, count, periods, y, scales, distance):

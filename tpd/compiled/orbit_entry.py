@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
 from tpd.compiled.columns import WIDTH
-from tpd.compiled.compiling import checksum
-from tpd.compiled.custom_call import addresses_in, entered, on_host, view
-from tpd.compiled.forcing import FIRST_PIECE
-from tpd.compiled.plant import compiled
+from tpd.compiled.custom_call import addresses_in, entrance, on_host, view
+from tpd.compiled.plant import ONLY
 from tpd.compiled.symmetric_orbit_kernel import (
     MOVED,
     NUMBERS,
@@ -25,7 +20,6 @@ from tpd.compiled.symmetric_orbit_kernel import (
     solve,
     vanishing,
 )
-from tpd.core.machine_code import stored
 
 SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
 """Tasks, which are the first number of every row of settings."""
@@ -34,7 +28,6 @@ SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begi
 compute."""
 
 
-@compiled
 def _run(a, first, last):
     """Compute rows of a task. Each row has its settings and its parameters.
 
@@ -45,7 +38,7 @@ def _run(a, first, last):
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
     x, works = view(design, (last, WIDTH), np.float64), np.zeros(1, WORK)
-    task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
+    task, count, work = s[first].task, int(s[first].directions), works[ONLY]
     if task == SOLVE:
         orbits = view(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
@@ -68,22 +61,7 @@ def _run(a, first, last):
     return len(works)
 
 
-_enter = entered(_run, __name__)
-
-
-def _entrance(version: int) -> Any:
-    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
-
-    def call(address):
-        """Compute the rows that a frame describes."""
-        return _enter(address, version)
-
-    # The values of variables from outside the function are part of the key of Numba's cache, see
-    # `linear_entry`.
-    return stored(call, numba.cfunc, "int64(int64)")
-
-
-CALL = _entrance(checksum())
+CALL = entrance(_run)
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.compiled.calling import ORBITS, check_width, numbers_in, parts, shape
+from tpd.compiled.calling import ORBITS, check_width, parts, shape
 from tpd.compiled.columns import ORBIT_STATUSES
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
@@ -83,7 +83,7 @@ def orbit_slopes(
 def solved(x: Any) -> Any:
     """Return the orbits of the design `x` (10,), which JAX may trace, as numbers of shape (3, n)."""
     entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
-    (out,) = call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)
+    (out,) = call((shape(entry.ORBITS, entry.ORBIT),), _settings("SOLVE"), x)
     return out
 
 
@@ -142,6 +142,6 @@ class PathSamples(NamedTuple):
 def sample_path(u: np.ndarray, x: np.ndarray) -> PathSamples:
     """Return samples along the path of the solution u = (t, gamma) with the parameters `x`."""
     record = ORBITS.entry().PATH_SAMPLES
-    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SAMPLE_PATH"), x, np.append(u, 0.0))
+    (out,) = ORBITS.on_host((shape(record),), _settings("SAMPLE_PATH"), x, np.append(u, 0.0))
     fields = parts(out, record)
     return PathSamples(float(fields.height), float(fields.leaving), float(fields.arriving), fields.rates)

@@ -24,6 +24,7 @@ from tpd.compiled.columns import (
     REST,
     RUN,
     SLIP,
+    STEADY,
     SWING,
     TILT,
 )
@@ -43,7 +44,7 @@ from tpd.compiled.motion import (
     reset_counts,
     set_motion,
 )
-from tpd.compiled.plant import PLANT, compiled, part
+from tpd.compiled.plant import ONLY, PLANT, compiled, part
 
 _CLOSE = 1e-9
 """Share of a period by which an event may be late, next to an orbit on which it lies within the period."""
@@ -72,10 +73,11 @@ method from its start, in shares of the scales; the `periods` and the `residual`
 which a run was moved; the mode at the start (`kind`, `tilt`, `direction`); the largest angles to either side
 (`peaks`), see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.compiled.legs`."""
-Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
+Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled answers legs")
 """Arrays of records: one plant; four motions (the one that is simulated, an approaching one, the start of a
-cycle, and a trial); one workspace; one reader; two cycles; one record `RUN`; and the usual number of legs. A
-record does not keep its array alive, so that these arrays must live as long as the records are used."""
+cycle, and a trial); one workspace; one reader; two cycles; one record `RUN`; one record `STEADY` for an orbit
+to which a run may be moved; and the usual number of legs. A record does not keep its array alive, so that
+these arrays must live as long as the records are used."""
 BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
 SIMULATED, APPROACHING, CYCLE_START, TRIAL = range(4)
@@ -83,22 +85,19 @@ SIMULATED, APPROACHING, CYCLE_START, TRIAL = range(4)
 attempts that may be dropped."""
 _RIGHT, _LEFT = range(2)
 """Indices of the largest tilts to either side in `peaks`."""
-ONLY = np.int64(0)
-"""Column of the only right-hand side of a Newton step."""
 
 
 @compiled
 def new_buffers():
     """Allocate the buffers."""
-    plants, motions, workspaces = np.empty(1, PLANT), np.zeros(4, MOTION), np.zeros(1, series.WORK)
-    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, RUN), np.empty(LEGS, LEG)
-    return Buffers(plants, motions, workspaces, np.zeros(1, READER), cycles, settled, legs)
+    records = np.empty(1, PLANT), np.zeros(4, MOTION), np.zeros(1, series.WORK), np.zeros(1, READER)
+    return Buffers(*records, np.empty(2, CYCLE), np.empty(1, RUN), np.empty(1, STEADY), np.empty(LEGS, LEG))
 
 
 @part
 def records_of(buffers):
     """Return the plant, the simulated motion, the workspace and the reader."""
-    return buffers.plants[0], buffers.motions[0], buffers.workspaces[0], buffers.readers[0]
+    return buffers.plants[ONLY], buffers.motions[SIMULATED], buffers.workspaces[ONLY], buffers.readers[ONLY]
 
 
 @compiled
@@ -141,7 +140,7 @@ def _include_event_at_end(q, m, legs, w, mode0, again, limits):
     # Keep the new legs only if they restore the mode of the start.
     k = min(again.n_legs, len(legs)) - 1
     if not (_is_same_mode(again, mode0) and k > n and legs[k].event == END):
-        legs[n] = last[0]
+        legs[n] = last[ONLY]
         return
     # Return to the end of the period along the new arc.
     legs[k].duration = period - legs[k].start

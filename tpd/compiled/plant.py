@@ -63,6 +63,12 @@ def places(stop: int, start: int = 0) -> tuple[Any, ...]:
     return tuple(np.arange(start, stop))
 
 
+NONE, ONE = places(2)
+"""The numbers zero and one, of the same type for Numba as a variable."""
+ONLY = NONE
+"""Index of the only item of an array."""
+
+
 def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     """Compile a function with Numba at its first call, or within its caller if `inline`."""
     # A type checker may have wrapped the function, and Numba needs the original one. Division by zero gives

@@ -5,28 +5,22 @@ Runs are simulated one by one. In a vectorised batch every run would wait for th
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
 from tpd.compiled import series
 from tpd.compiled.columns import RUN, STEADY, SWING_PULL, TILT_PULL
-from tpd.compiled.compiling import checksum
 from tpd.compiled.custom_call import (
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
-    entered,
+    entrance,
     inputs_of,
     on_host,
     pieces,
     view,
 )
-from tpd.compiled.custom_call import FIELDS as FIELDS
 from tpd.compiled.follow import follow_ground_motion, store_results
-from tpd.compiled.forcing import FIRST_PIECE
 from tpd.compiled.legs import (
     ANGLES,
     GROWING,
@@ -48,11 +42,10 @@ from tpd.compiled.legs import (
 )
 from tpd.compiled.motion import END, LEG, copy_to, larger_side, record_leg
 from tpd.compiled.period_map import SIMULATED, TRIAL, new_buffers, records_of
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import NONE, ONLY, compiled
 from tpd.compiled.settle import settle
 from tpd.compiled.steady import steady_state
 from tpd.compiled.trajectory import trajectory
-from tpd.core.machine_code import stored
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
@@ -161,16 +154,15 @@ def _follow_ground(a, first, last, history, buffers):
         fill_plants(x[n], min(inputs, STATE), s[n].linear, r)
         # Derivatives that do not exist are never written, and must be NaN.
         r.by[:] = np.nan
-        out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0)
+        out.growing = read_derivatives(q, f, m, legs, r, (NONE, inputs), s[n].angles != 0.0)
         _store_slopes(m, r.by, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
         # The accelerations at the end, where no forcing acts.
         m.n_legs = 0
         record_leg(m, here, f.pieces, s[n].free, 0.0, 4, END)
-        store_state_at(q, f, here[0], 0.0, w, now)
+        store_state_at(q, f, here[ONLY], 0.0, w, now)
         out.state[TILT_PULL], out.state[SWING_PULL], m.n_legs = now[TILT_PULL], now[SWING_PULL], count
 
 
-@compiled
 def _run(a, first, last):
     """Compute rows of the task that the settings name."""
     settings, _, _, _, _, _, _, _ = addresses_in(a)
@@ -187,23 +179,7 @@ def _run(a, first, last):
     return len(buffers.motions)
 
 
-_enter = entered(_run, __name__)
-
-
-def _entrance(version: int) -> Any:
-    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
-
-    def call(address):
-        """Compute the rows that a frame describes."""
-        return _enter(address, version)
-
-    # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
-    # the values of variables from outside the function are part of the key, so that `version` makes the cache
-    # safe.
-    return stored(call, numba.cfunc, "int64(int64)")
-
-
-CALL = _entrance(checksum())
+CALL = entrance(_run)
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

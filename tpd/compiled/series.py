@@ -18,7 +18,7 @@ import numpy as np
 
 from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.compiled.motion import MOTION
-from tpd.compiled.plant import coefficients, compiled, places
+from tpd.compiled.plant import NONE, coefficients, compiled, places
 
 ORDERS = 32
 """Largest number of coefficients of a series."""
@@ -61,13 +61,11 @@ rounding errors of times; and whether the largest |psi - phi| is computed (`rela
 For `tpd.compiled.strides`: the strides of the slipping and of the held block (`of_strides`: the map of a
 stride, the bounds of second derivatives, and whether both are known); the length of a `stride`; the state `z`
 with the forcing at its start; the state with the bounds at its end (`now`); and another motion (`trial`)."""
-_NONE = np.int64(0)
-"""Zero, as a NumPy scalar."""
 _HALVED = 60
 """Number of halvings of an interval that contains a zero, after which only rounding errors are left."""
 _STRETCHES = 64
 """Bound on the stretches of a step between the turns of an angle."""
-_PROVED, _TINY = 60, (1e-15, 1e-16)
+_PROVED, _TINY, _TINY_LINEAR = 60, 1e-15, 1e-16
 """Number of steps of a proof, and the share of its size at which a signal counts as zero, under (4) and under
 (25)."""
 _SLACK = 150.0
@@ -91,7 +89,7 @@ def prepare(x, s, q, w):
 @compiled
 def set_accuracy(q, rtol, w):
     """Set the relative tolerance of a step, and the largest order of a series."""
-    w.tiny = _TINY[1] if q.linear != 0.0 else _TINY[0]
+    w.tiny = _TINY_LINEAR if q.linear != 0.0 else _TINY
     w.rtol, w.inverse[_OF_HELD] = rtol, 1.0 / (rtol * (q.weight + q.k))
     # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
     # few more for the work of a step apart from its series. A held block needs two more columns.
@@ -134,7 +132,7 @@ def _is_converged(c, n, power, former, inverse):
 
 
 @compiled
-def _expand_linear(q, m, e, remaining, most, w):
+def expand_linear(q, m, e, remaining, most, w):
     """Compute the series of a moving block under (25), see `_expand_slipping`."""
     c, inverse = w.series, w.inverse
     # Weight and friction are constants, so that the tilt is measured from their equilibrium.
@@ -307,7 +305,7 @@ def terms(q, m, e, remaining, most, w):
     with a complex series. If the time `remaining` is infinite, the order is `most`.
     """
     if q.linear.real != 0.0 and m.kind == SLIP:
-        return _expand_linear(q, m, e, remaining, most, w)
+        return expand_linear(q, m, e, remaining, most, w)
     _expand_forcing(q, e, most + 1, w)
     if q.linear.real != 0.0:
         return _expand_held_linear(q, m, remaining, most, w)
@@ -330,13 +328,24 @@ def expand(q, m, y, e, remaining, w):
     Returns the order, and the time (at most `remaining`) for which the error is allowed. This time is NaN if
     the series is not finite.
     """
-    c, inverse, smallest = w.series, w.inverse, math.inf
+    set_errors(q, y, w)
+    return step_of(terms(q, m, e, remaining, w.order, w), remaining, w)
+
+
+@compiled
+def set_errors(q, y, w):
+    """Write the state `y` into the series, and set the allowed errors of a step from there."""
     load_state(y, w)
     # The equations (25) are solved to rounding, also for small motions.
     least = 1e-4 if q.linear != 0.0 else 0.1
-    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
-    inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
-    order = terms(q, m, e, remaining, w.order, w)
+    w.inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(least * w.rate, abs(y[TILT_RATE])))
+    w.inverse[_OF_BOB] = 1.0 / (w.rtol * max(least * w.swing, abs(y[SWING_RATE])))
+
+
+@compiled
+def step_of(order, remaining, w):
+    """Return the order of a series, and the time for which its error is allowed, see `expand`."""
+    c, smallest = w.series, math.inf
     # Under a ground motion the angle between rod and block is another result.
     for n in range(order + 1 if w.relative else 0):
         c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
@@ -344,7 +353,7 @@ def expand(q, m, y, e, remaining, w):
         return order, remaining
     # The last two terms give the length of the step.
     for n in range(order - 1, order + 1):
-        term = _term(c, n, inverse)
+        term = _term(c, n, w.inverse)
         if not term < math.inf:
             return order, math.nan
         if term > 0.0:
@@ -427,7 +436,7 @@ def first_zero(w, row, sign, order, first, t, h):
             value = value * t + sign * c[row, n]
         if done == 0:
             # At a former root the value is zero except for rounding.
-            value, tiny = max(value, 0.0), _TINY[0] * abs(value)
+            value, tiny = max(value, 0.0), _TINY * abs(value)
         elif value <= tiny:
             return t, True
         root = math.sqrt(slope * slope + 2.0 * bend * value)
@@ -464,7 +473,7 @@ def positive_until(w, row, sign, order, floor, h):
         return h, False
     # If the signal starts at zero except for rounding, its sign is that of the next order. A state has no
     # rounding error: after an event it is zero.
-    first, power = _NONE, 1.0
+    first, power = NONE, 1.0
     if row <= R and c[row, VALUE] != 0.0:
         size = 0.0
     while first < 3 and abs(c[row, first]) * power <= 10.0 * w.tiny * size:
@@ -493,7 +502,7 @@ def largest_turn(w, row, order, h, threshold):
     sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, SLOPE])
     # The proof of a stretch without a turn may end early, and then goes on from there.
     for _ in range(_STRETCHES):
-        t, turns = first_zero(w, rate, sign, order, _NONE, t, h)
+        t, turns = first_zero(w, rate, sign, order, NONE, t, h)
         if t >= h:
             break
         value = value_at(w, row, order, t) if turns else 0.0

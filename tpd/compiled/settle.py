@@ -32,10 +32,10 @@ from tpd.compiled.legs import INPUTS, STATE, fill_plants
 from tpd.compiled.motion import LEG, copy_to, is_finite, largest, reset_counts, set_motion
 from tpd.compiled.near_orbits import CONVERGED, NEARBY, Past, orbit_near
 from tpd.compiled.period_map import BEST, TRIAL, Limits, records_of
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import NONE, ONE, compiled
 from tpd.compiled.repetition import LONGEST, NEWEST
 
-_PERIODS_PER_SEARCH = 150.0, 24.0
+_SEARCH, _LINEAR_SEARCH = 150.0, 24.0
 """Number of forcing periods that can be simulated in the time of one search for an orbit of period one, under
 (4) and under (25)."""
 _STEPS, _CLOSED, _DIFFERENCE = 12, 1e-9, 1e-4
@@ -50,7 +50,7 @@ def _stays_held(q, m, legs, w, psi, rate, trial):
     reset_counts(trial)
     trial.y[SWING], trial.y[SWING_RATE] = psi, rate
     # A release would be an event, and only one event is allowed.
-    return one_period(q, harmonic(), trial, legs, w, 0.0, 0.0, 1) == ARRIVED
+    return one_period(q, harmonic(), trial, legs, w, 0.0, 0.0, ONE) == ARRIVED
 
 
 @compiled
@@ -131,7 +131,7 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
     # The sum of all further changes must be small, see `repeats_after`.
     remaining = closest / (1.0 - decay) / tolerance if decay < 1.0 else math.inf
     remaining = math.log(remaining) / -math.log(decay) if decay < 1.0 else math.inf
-    search = _PERIODS_PER_SEARCH[1] if q.linear != 0.0 else _PERIODS_PER_SEARCH[0]
+    search = _LINEAR_SEARCH if q.linear != 0.0 else _SEARCH
     return (periods if remaining > search * periods else 0), closest, periods
 
 
@@ -160,12 +160,12 @@ def settle(x, buffers, s, since, ramp, out):
     """
     (q, m, w, r), trial, legs = records_of(buffers), buffers.motions[TRIAL], np.empty(0, LEG)
     series.prepare(x, s, q, w)
-    fill_plants(x, 0, s.linear, r)
+    fill_plants(x, NONE, s.linear, r)
     # No legs are recorded before an orbit is searched for, and linear runs take strides.
     scales, y, tolerance, events = set_scales(q, w), m.y, s.tolerance, int(s.events)
     limits = Limits(events, (STATE, INPUTS), NEARBY)
     past = Past(np.zeros(LONGEST + 1, repetition.PERIOD), np.zeros(2))
-    last, peaks, gap, gap_periods = past.periods, past.peaks, 0.0, 0
+    last, peaks, gap, gap_periods = past.periods, past.peaks, 0.0, NONE
     copy_to(y, last[NEWEST].y)
     reset_counts(m)
     buffers.cycles[BEST].periods = 0.0
@@ -176,7 +176,7 @@ def settle(x, buffers, s, since, ramp, out):
     count, status, repeats, elapsed = (1 if since == 0.0 else 0), NOT_SETTLED, 0, 0
     wait, trials, rest_swing = 0, 0, math.nan
     # A run of (4) is simulated for the time of a search before the first one.
-    search = 0 if q.linear != 0.0 else int(_PERIODS_PER_SEARCH[0])
+    search = 0 if q.linear != 0.0 else int(_SEARCH)
     while elapsed < s.periods and status == NOT_SETTLED:
         if elapsed > 0:
             f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0)

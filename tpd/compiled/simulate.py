@@ -18,7 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.lax import stop_gradient
 from jaxtyping import Array
 
-from tpd.compiled.calling import RUNS, numbers_in, parts, shape
+from tpd.compiled.calling import RUNS, parts, shape
 from tpd.compiled.columns import RUN, STEADY, TILT_PULL, TILT_RATE, WIDTH, XI
 from tpd.compiled.derivatives import moved, once
 from tpd.compiled.rows import packed
@@ -240,7 +240,7 @@ def follow(
     if isinstance(forcing, GroundForcing):
         return _trace_ground_run(rows, start, forcing, limits, parameters)
     settings, times = packed(RUNS.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
-    (out,) = RUNS((shape(numbers_in(RUN)),), settings, stop_gradient(rows), stop_gradient(start), times)
+    (out,) = RUNS((shape(RUN),), settings, stop_gradient(rows), stop_gradient(start), times)
     return run_of(out)
 
 
@@ -341,7 +341,7 @@ def solve_steady(equations: Terms, x: Any, limits: Limits, slopes: int) -> tuple
         RUNS.entry().run(0, 1, settings, x[:WIDTH], x[WIDTH:], out)
         of = parts(out[0], STEADY)
     else:
-        (out,), xp = RUNS((shape(numbers_in(STEADY)),), settings, x[:WIDTH], x[WIDTH:]), jnp
+        (out,), xp = RUNS((shape(STEADY),), settings, x[:WIDTH], x[WIDTH:]), jnp
         of = parts(out, STEADY)
     periods, elapsed = xp.asarray(of.periods, dtype=int), xp.asarray(of.elapsed, dtype=int)
     rest = periods, of.multiplier, of.symmetric == 1.0, of.lyapunov, of.state, elapsed
@@ -358,7 +358,7 @@ def _steady_settings(equations: Terms, limits: Limits, slopes: int) -> np.ndarra
 def _ground_run_from(with_slopes: bool, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
     """Call the compiled code for one run, with derivatives or without."""
     entry = RUNS.entry()
-    shapes = shape(numbers_in(RUN)), shape(entry.OUTPUTS, entry.INPUTS)
+    shapes = shape(RUN), shape(entry.OUTPUTS, entry.INPUTS)
     return RUNS(shapes[: 1 + with_slopes], settings, x, y, pieces)
 
 
@@ -390,7 +390,7 @@ def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
 
 def _ground_run_jvp(parameters: int, primals: tuple, tangents: tuple) -> tuple:
     entry = RUNS.entry()
-    column = entry.FIELDS.index
+    column = entry.SETTINGS.names.index
     x, y, pieces, settings = primals
     # The directions of the derivatives are the parameters, and the components of the initial state if it is
     # differentiated.

@@ -36,7 +36,7 @@ from tpd.compiled.columns import (
 )
 from tpd.compiled.contact import start_mode
 from tpd.compiled.follow import BEYOND, EXHAUSTED, set_scales
-from tpd.compiled.forcing import FIRST_PIECE, NO
+from tpd.compiled.forcing import NO
 from tpd.compiled.half_map_kernel import is_neutral
 from tpd.compiled.legs import ANGLES, INPUTS, STATE, fill_plants
 from tpd.compiled.motion import copy_to, is_finite, larger_side, set_motion
@@ -53,15 +53,13 @@ from tpd.compiled.period_map import (
     residual_of,
     solve_linearised,
 )
-from tpd.compiled.plant import compiled, places
+from tpd.compiled.plant import NONE, ONE, ONLY, compiled, places
 from tpd.compiled.settle import settle
 
 _RESIDUAL = np.int64(0)
 """Column of the residual of the orbit's map, before those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
 """First rows of the derivatives of a steady state. The rows of the state follow."""
-_ONE = np.int64(1)
-"""Number 1 for one period, as a NumPy scalar."""
 
 
 @compiled
@@ -80,7 +78,7 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
         scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
         direction[i] = 0.5 * scales[i]
     while steps < periods:
-        follow_cycle(q, m, buffers, limits, _ONE, c)
+        follow_cycle(q, m, buffers, limits, ONE, c)
         if not is_finite(c.end):
             break
         c.amplitude, c.swing = max(c.amplitude, best.amplitude), max(c.swing, best.swing)
@@ -168,7 +166,7 @@ def steady_state(x, y0, s, near, buffers, out):
     orbit need not be stable, and it has derivatives in that case as well.
     """
     q, m, w, r = records_of(buffers)
-    c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.state, 0.0
+    c, settled, y, total = buffers.cycles[BEST], buffers.settled[ONLY], out.state, 0.0
     roots = out.multipliers
     # All numbers stay NaN, and the status failed, until they get a value.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
@@ -188,7 +186,7 @@ def steady_state(x, y0, s, near, buffers, out):
         # Without a simulation the motion counts as rocking at first. Its first period gives the real status.
         series.prepare(x, s, q, w)
         set_scales(q, w)
-        fill_plants(x, 0, s.linear, r)
+        fill_plants(x, NONE, s.linear, r)
         start_mode(q, y, 0.0, m)
         settled.status, settled.periods, settled.elapsed = ROCKING, s.periods, 0.0
         settled.settled_tilt = settled.settled_swing = math.nan
@@ -250,7 +248,7 @@ def steady_state(x, y0, s, near, buffers, out):
             # Newton's method needs no derivatives in the parameters. Follow the orbit once more for them.
             fill_plants(x, count, s.linear, r)
             set_motion(y, c, m)
-            limits = Limits(limits.events, (FIRST_PIECE, count), math.inf)
+            limits = Limits(limits.events, (NONE, count), math.inf)
             follow_cycle(q, m, buffers, limits, periods, buffers.cycles[LATEST])
             for i in range(ANGLES + 6):
                 for j in range(count):

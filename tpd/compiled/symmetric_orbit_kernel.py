@@ -40,7 +40,7 @@ from tpd.compiled.columns import (
     WIDTH,
 )
 from tpd.compiled.follow import first_event
-from tpd.compiled.forcing import FIRST_PIECE, Load
+from tpd.compiled.forcing import Load
 from tpd.compiled.half_map_kernel import (
     characteristic,
     determinants,
@@ -60,7 +60,7 @@ from tpd.compiled.half_period_kernel import (
 )
 from tpd.compiled.motion import CONTINUES, LANDING, MOTION, TURN
 from tpd.compiled.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, root_in, store_brackets
-from tpd.compiled.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
+from tpd.compiled.plant import COMPLEX_PLANT, NONE, ONLY, PLANT, STEP, compiled, places, plant
 
 ORBITS: Any = np.int64(3)
 """Largest number of orbits of a design."""
@@ -151,7 +151,7 @@ def _smallest_dent(w, order, h, slows):
     for _ in range(2 * order):
         # phi' has an extreme value where phi'' vanishes. Where phi'' turns positive, the block moves fastest.
         # Where it turns negative, the block moves slowest and may stop: this is a dent in the rate.
-        t, turns = series.first_zero(w, series.ACCELERATION, slows, order - 1, FIRST_PIECE, t, h)
+        t, turns = series.first_zero(w, series.ACCELERATION, slows, order - 1, NONE, t, h)
         if t >= h:
             break
         if turns:
@@ -196,7 +196,10 @@ def _follow_path(q, m, t, gamma, path, motion, w, orbit):
         slows, horizon, event = (1.0 if now[TILT_PULL] > 0.0 else -1.0), duration + 2.0 * late, CONTINUES
         for _ in range(_STEPS):
             e = Load(q.xi, gamma + q.xi * (arc_start + time), 1.0, 0.0, 0.0, 0.0)
-            order, h = series.expand(q, motion, y, e, horizon - time, w)
+            # Call the series of (25) alone: Numba would also compile those of (4) for `series.expand`.
+            series.set_errors(q, y, w)
+            order = series.expand_linear(q, motion, e, horizon - time, w.order, w)
+            order, h = series.step_of(order, horizon - time, w)
             if not h > 0.0:
                 return _BROKEN
             event, h = first_event(q, motion, order, h, w)
@@ -264,7 +267,7 @@ def solve(x, work, orbits):
     bracket_count, count = store_brackets(q, m, work.table, work.brackets), 0
     overflow = bracket_count > BRACKETS
     for i in range(ORBITS):
-        orbits[i] = _NONE[FIRST_PIECE]
+        orbits[i] = _NONE[ONLY]
     for i in range(min(bracket_count, BRACKETS)):
         t, gamma, reached = root_in(q, m, work.brackets[i])
         if not reached:

@@ -47,7 +47,7 @@ def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: 
     entry = RUNS.entry()
     n = times.size
     shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    with_slopes = settings.at[entry.FIELDS.index("slopes")].set(slopes)
+    with_slopes = settings.at[entry.SETTINGS.names.index("slopes")].set(slopes)
     return RUNS(shapes, with_slopes, x, y, times)
 
 

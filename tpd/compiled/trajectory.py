@@ -13,7 +13,7 @@ from tpd.compiled.follow import ARRIVED, BEYOND, NOT_FINITE, advance, set_scales
 from tpd.compiled.forcing import FIRST_PIECE, NO, forcing_now, harmonic, span_of
 from tpd.compiled.legs import INPUTS, STATE, carry_through_leg, fill_plants, start_reading, store_state_at
 from tpd.compiled.motion import LEG, LEGS, STOP, is_finite, record_leg, reset_angles, reset_counts
-from tpd.compiled.plant import STEP, compiled
+from tpd.compiled.plant import NONE, ONLY, STEP, compiled
 
 ROUNDING = 1e-10
 """Share of a period by which a time may lie before the end of its period. A time that rounding has moved just
@@ -68,7 +68,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
                 if arrived:
                     legs[count - 1].event = STOP
                 for k in range(count):
-                    carry_through_leg(q, r, f, legs[k], (FIRST_PIECE, _INPUTS), NO, m, k)
+                    carry_through_leg(q, r, f, legs[k], (NONE, _INPUTS), NO, m, k)
             if ended == NOT_FINITE or not is_finite(y):
                 status = FAILED
             elif ended != ARRIVED:
@@ -77,7 +77,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
         # A leg of zero length has the accelerations of the present state.
         m.n_legs = 0
         record_leg(m, here, whole, t, 0.0, 4, STOP)
-        store_state_at(q, f, here[0], 0.0, w, now)
+        store_state_at(q, f, here[ONLY], 0.0, w, now)
         for i in range(4):
             out[n, i], out[n, 4 + i] = y[i], now[i + 2]
             for j in range(_INPUTS if slopes else 0):

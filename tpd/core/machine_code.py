@@ -125,7 +125,7 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
         folder = Path(cache.cache_path)
         for place in filter(None, (numba.config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
             files.check_own(Path(place).absolute())
-        with files.file_lock(folder / f"{plain.__module__}.{plain.__name__}.lock"):
+        with files.file_lock(folder / f"{plain.__module__}.{plain.__qualname__}.lock"):
             try:
                 return make(plain)
             except OSError:
