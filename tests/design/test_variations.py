@@ -60,14 +60,31 @@ def test_every_variation_is_compared_with_the_stated_design(rows):
     assert all(row.runs.benefit != stated.runs.benefit for row in quantities)
     for row in found[1:]:
         assert row.measure == "overturning"
+        if row.kind == "failure":
+            continue
         assert row.difference.low < row.difference.mean < row.difference.high, row.words
-    linear = [row for row in found if row.kind != "base"]
+    linear = [row for row in found if row.kind not in ("base", "failure")]
     assert {row.runs.with_pendulum.equations for row in linear} == {"linear"}
     # The two reductions of the same runs, if all of them have an answer in both.
     tilt = linear[-1].runs.reduction_minus(stated.runs, "tilt")
     assert tilt.mean == pytest.approx(linear[-1].runs.benefit.mean - stated.runs.benefit.mean, abs=1e-12)
     same = stated.runs.reduction_minus(stated.runs, "overturning")
     assert same.mean == 0.0 < same.high
+
+
+def test_failures_are_compared_with_no_pendulum_in_the_validation_runs(rows, harmonic):
+    stuck, damper = of(rows[0], "failure")
+    runs = harmonic.best.runs
+    for row in (stuck, damper):
+        assert row.runs.without_pendulum is runs.without_pendulum
+        assert row.difference is None
+    p = harmonic.problem
+    heavier = replace(p.scene, block=p.scene.block.carrying(harmonic.pendulum))
+    alone = replace(p, scene=heavier).validation_runs(None, runs.with_pendulum.seed)
+    np.testing.assert_array_equal(stuck.runs.with_pendulum.tilt, alone.tilt)
+    undamped = harmonic.best.design * np.array([1.0, 1.0, 0.02 / harmonic.best.design[2]])
+    expected = p.validation_runs(undamped, runs.with_pendulum.seed)
+    np.testing.assert_array_equal(damper.runs.with_pendulum.outcome, expected.outcome)
 
 
 def test_a_variation_of_the_pendulum_uses_the_same_runs_without_it(rows):

@@ -33,7 +33,7 @@ def test_the_printed_summary_has_at_most_34_lines(kind):
     cut = flat("\n".join(said)).split(" (more in the report) ")
     assert all(part in whole for part in cut)
     assert len(cut) == 1 or re.match(
-        r"(with pendulum|reason|alternative|clearance|runs|limits|level|friction|losses|nearby) ",
+        r"(with pendulum|reason|alternative|clearance|runs|limits|level|friction|losses|part fails|nearby) ",
         whole[len(cut[0]) + 1 :],
     )
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))

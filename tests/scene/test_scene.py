@@ -172,6 +172,19 @@ def test_a_block_moves_like_a_uniform_one_of_twice_the_height_of_its_centroid(wi
     assert (wider.centroid, wider.slenderness) == (centroid, pytest.approx(1.2 * block.slenderness))
 
 
+def test_a_block_that_carries_its_bob_has_the_moments_of_both_about_its_edge():
+    block = Block(**BLOCK, effective_width=0.9, centroid_height=0.23, radius_of_gyration=0.12)
+    bob = Pendulum(mass=3.0, length=0.15, damping_ratio=0.1, hinge_height=0.5)
+    stuck, a, high = block.carrying(bob), 0.045, 0.35
+
+    def moment(of: Block) -> float:
+        return of.mass * (of.gyration**2 + a**2 + of.centroid**2)
+
+    assert block.gyration == pytest.approx(0.12, rel=1e-14)
+    assert stuck.mass * stuck.centroid == pytest.approx(block.mass * 0.23 + 3.0 * high, rel=1e-14)
+    assert moment(stuck) == pytest.approx(moment(block) + 3.0 * (a**2 + high**2), rel=1e-14)
+
+
 def test_housners_restitution_includes_the_mass_of_the_bob():
     block = Block(**BLOCK, restitution="housner")
     with_it = Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1)

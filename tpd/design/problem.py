@@ -62,10 +62,10 @@ _SCATTER_LABELS = {
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
-VariationKind = Literal["stated", "quantity", "losses", "width", "hinge", "records", "base"]
+VariationKind = Literal["stated", "quantity", "losses", "width", "hinge", "records", "failure", "base"]
 """Kinds of variations: the stated design, another value of one quantity, another loss of energy, a narrower
-base as with worn edges or a soft bearing, a hinge at mid-height, records of another set, and a wider base
-without a pendulum."""
+base as with worn edges or a soft bearing, a hinge at mid-height, records of another set, a part that fails,
+and a wider base without a pendulum."""
 
 
 class Variation(NamedTuple):
@@ -95,9 +95,9 @@ class Variation(NamedTuple):
 
     @property
     def fixes_restitution(self) -> bool:
-        """Whether e does not vary, because the variation states e. On a wider base e varies as stated."""
+        """Whether e does not vary, because the variation states e. Another block has e as stated."""
         is_stated = self.scene is not None and self.scene.block.restitution != HOUSNER
-        return is_stated and self.kind != "base"
+        return is_stated and self.kind not in ("base", "failure")
 
 
 STATED = Variation()

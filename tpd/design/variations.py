@@ -1,8 +1,9 @@
 """Variations of a design: how much its benefit depends on one thing, in paired runs.
 
 The list of variations has uncertain quantities, other energy losses, a narrower base, a lower hinge, other
-sets of records, and wider bases without a pendulum. Each variation is followed in the runs of its reference,
-with the same excitation, initial states and scatter. A report shows the difference from the reference.
+sets of records, parts that fail, and wider bases without a pendulum. Each variation is followed in the runs
+of its reference, with the same excitation, initial states and scatter. A report shows the difference from the
+reference.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ WIDENING, _SMALL_WIDENINGS, _LARGE_WIDENINGS = 0.2, (0.05, 0.1), (0.35, 0.5)
 the pendulum, and otherwise the narrower ones."""
 _EQUIVALENT_TILT = 1.0 / 3.0
 """Tilt over nu at which an equivalent friction and impacts lose the same energy."""
+_NO_DAMPER = 0.02
+"""Damping ratio that is left by friction and air if the damper fails."""
 _SEED = 3
 """Number of the seed of the linear runs; trials and validation have smaller numbers."""
 _SAMPLES = 1000
@@ -85,7 +88,7 @@ class Dependence(NamedTuple):
     difference: Interval | None
     """Reduction of this measure minus the reduction of the reference, in the same runs. The reference of a
     wider base is the pendulum in its validation runs, and otherwise the stated design. None without a
-    reference."""
+    reference, as for a failure."""
 
 
 class EquivalentWidening(NamedTuple):
@@ -122,14 +125,16 @@ def dependences(
     if best is None:
         return ()
     # The list of wider bases depends on the results, so that its rows come last.
-    fixed, rows = [*_linear(problem, best), *_other_records(problem, best)], list[Dependence]()
+    fixed = [*_linear(problem, best), *_other_records(problem, best), *_failures(problem, best)]
+    rows = list[Dependence]()
     for varied in chain(fixed, _wider_bases(problem, best, rows)):
         progress("variations", len(rows), len(fixed) + 3)
         stated, measure = rows[0].runs if rows else None, measure_of(best)
         runs = pairs(problem, best, varied, stated)
         # A wider base is an alternative to the pendulum, and not a change of the design.
         reference = best.runs and best.runs.unconditional if varied.kind == "base" else stated
-        reference = None if varied.records or not measure else reference
+        # A failure is compared with no pendulum.
+        reference = None if varied.records or not measure or varied.kind == "failure" else reference
         difference = reference and runs.reduction_minus(reference, measure)
         rows.append(Dependence(*varied[:4], runs, measure, difference))
     progress("variations", 1, 1)
@@ -157,11 +162,13 @@ def pairs(
         stated: runs of the stated design, of which those without a pendulum are used again for a variation of
             the pendulum alone.
     """
-    if varied.kind == "base":
+    if varied.kind in ("base", "failure"):
         assert best.runs is not None
-        # The seed is that of the quoted runs, which have the same initial states and the same scatter.
-        wider = problem.validation_runs(None, best.runs.with_pendulum.seed, varied)
-        return replace(best.runs, with_pendulum=wider, passed=None)
+        # Another block has no pendulum. The seed is that of the quoted runs, which have the same initial
+        # states and the same scatter.
+        design = best.design if varied.scene is None else None
+        other = problem.validation_runs(design, best.runs.with_pendulum.seed, varied)
+        return replace(best.runs, with_pendulum=other, passed=None)
     if varied.records:
         # The stated block without scatter, as in a fragility.
         gravity, cluster = float(problem.scene.gravity), earthquakes_of(varied.records)
@@ -198,10 +205,9 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
                 other = replace(block, restitution=max(1.0 - (1.0 - e) * (1.0 + share), 0.0))
                 yield varied._replace(scene=replace(scene, block=other))
             elif name == "centroid":
-                z, rho = float(block.centroid), float(block.inertia_ratio)
-                # The radius of gyration stays as it is: rho = z^2/(a^2 + z^2 + c^2).
-                own = {"radius_of_gyration": z * math.sqrt(1.0 / rho - 1.0 - nu**2)}
-                other = replace(block, centroid_height=z * (1.0 + share), **own)
+                # The radius of gyration stays as it is.
+                own = {"radius_of_gyration": float(block.gyration)}
+                other = replace(block, centroid_height=float(block.centroid) * (1.0 + share), **own)
                 yield varied._replace(scene=replace(scene, block=other))
             else:
                 yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
@@ -267,6 +273,19 @@ def _other_records(problem: Problem, best: Validation) -> Iterator[Variation]:
         for level in LEVELS:
             words = f"{name}, PGA {level:g} times that of uplift ({count})"
             yield Variation("records", name, level, words, records=records)
+
+
+def _failures(problem: Problem, best: Validation) -> Iterator[Variation]:
+    """Yield the recommended pendulum with a stuck hinge and without its damper, in the validation runs."""
+    if not measure_of(best) or best.runs is None:
+        return
+    stuck = problem.scene.block.carrying(best.pendulum)
+    words = "hinge stuck: the bob is a part of the block"
+    yield Variation("failure", "hinge", words=words, scene=replace(problem.scene, block=stuck))
+    if (zeta := float(best.pendulum.damping_ratio)) > _NO_DAMPER:
+        none = Conditions({"damping": np.array([_NO_DAMPER / zeta])})
+        words = f"damper lost: damping ratio {_NO_DAMPER:g}"
+        yield Variation("failure", "damper", words=words, more=none)
 
 
 def _wider_bases(problem: Problem, best: Validation, rows: Sequence[Dependence]) -> Iterator[Variation]:

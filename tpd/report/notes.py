@@ -38,13 +38,25 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
         )
     if design.sliding and design.sliding.slides:
         all_notes.append(danger(design.sliding.sentence))
-    all_notes += [*_runs(design), *_responses(details), *_earthquakes(design)]
+    all_notes += [*_runs(design), *_failures(details), *_responses(details), *_earthquakes(design)]
     if design.pendulum and len(cases := design.exact_motions) == 2:
         _, exact = cases
         all_notes += [*_from_rest(design, *cases), *_settled(exact), *_orbits(design, *cases)]
         if limit_of(design.problem.limits, Clearance) is None:
             all_notes += _without_walls(design, exact, design.pendulum)
     return tuple(sorted(all_notes, key=lambda n: n.severity is not Severity.danger))
+
+
+def _failures(details: Details) -> Iterator[Note]:
+    """Yield a danger for each part whose failure makes the block overturn more often than no pendulum."""
+    for of in details.of("failure"):
+        x = of.runs.change("overturned")
+        if x.low > 0.0:
+            shares = (percent(share, 1) for share in (x.with_pendulum, x.without_pendulum))
+            yield danger(
+                f"WITH THE {of.words.upper()}, MORE RUNS OVERTURN THAN WITHOUT A PENDULUM: "
+                "{} against {}. Maintain this part, and inspect it.".format(*shares)
+            )
 
 
 def _runs(design: Design) -> Iterator[Note]:

@@ -166,7 +166,8 @@ def depends_on(design: Design, details: Details) -> list[Block]:
         weak = "; ".join(of.words for of in details.of(*kinds) if not of.runs.reduction(measure)[1])
         text = [Text(f"The reduction is not significant in these linear runs: {weak}." if weak else _SOUND)]
     caption = (
-        f"{about}Wider bases: validation runs, of the whole block on a wider base without a pendulum / as "
+        f"{about}Hinge stuck and damper lost: validation runs, with the failed part / without a pendulum. "
+        "Wider bases: validation runs, of the whole block on a wider base without a pendulum / as "
         "stated, with the same height, depth and density; the difference is from the pendulum."
     )
     shares = (f"{x}, with / without" for x in ("overturned", "mean tilt (of ν)"))

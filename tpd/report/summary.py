@@ -99,6 +99,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "friction", design.sliding.sentence
     if depends := depends_on(details):
         yield "depends on", depends
+    if failing := if_a_part_fails(details):
+        yield "part fails", failing
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:
@@ -126,6 +128,20 @@ def depends_on(details: Details) -> str:
     listed = "; ".join(text for _, text in smaller[:_LARGEST]) or "none is significantly below zero"
     by = f"{details.variations[0].runs.pairs} linear runs, for comparison only" if rows else ""
     return by and f"difference of the reduction in {by}: {listed}"
+
+
+def if_a_part_fails(details: Details) -> str:
+    """Return the runs that overturn, or the mean tilt, if a part fails; empty without a pendulum."""
+    said = []
+    for of in details.of("failure"):
+        x = of.runs.change("mean tilt" if of.measure == "tilt" else "overturned")
+        better = "more" if x.low > 0.0 else "fewer" if x.high < 0.0 else "no significant difference"
+        shares = (
+            f"{percent(x.with_pendulum, 1)} ({percent(x.without_pendulum, 1)} without a pendulum, {better})"
+        )
+        said.append(f"{of.words}, {shares}")
+    name = "mean tilt" if said and details.of("failure")[0].measure == "tilt" else "overturned"
+    return f"{name} with {'; '.join(said)}" if said else ""
 
 
 def by_start(runs: PairedRuns) -> str:

@@ -241,6 +241,27 @@ class Block:
         """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c about the centroid."""
         return _inertia_ratio(vars(self))
 
+    @property
+    def gyration(self) -> Real:
+        """Radius of gyration about the centroid, m, as stated or of a uniform rectangle."""
+        return self.centroid * (1.0 / self.inertia_ratio - 1.0 - self.slenderness**2) ** 0.5
+
+    def carrying(self, pendulum: Pendulum) -> Block:
+        """Return the heavier rigid block that carries the bob below its hinge, as if the hinge was stuck.
+
+        Example:
+            >>> import tpd
+            >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+            >>> stuck = block.carrying(tpd.Pendulum(mass=100.0, length=0.5, damping_ratio=0.1))
+            >>> stuck.mass, stuck.centroid
+            (1000.0, 0.775)
+        """
+        bob = pendulum.hinge_in(self) - pendulum.length
+        mass = self.mass + pendulum.mass
+        z = (self.mass * self.centroid + pendulum.mass * bob) / mass
+        square = self.mass * (self.gyration**2 + (self.centroid - z) ** 2) + pendulum.mass * (bob - z) ** 2
+        return replace(self, mass=mass, centroid_height=z, radius_of_gyration=(square / mass) ** 0.5)
+
     def widened(self, factor: Real) -> Block:
         """Return the block with a base that is wider by a factor, for example 1.1 for 10 %.
 
