@@ -60,13 +60,10 @@ print(entrance(nothing).cache_hits)
 
 def test_only_one_of_several_processes_compiles(tmp_path):
     (tmp_path / "small.py").write_text(SMALL)
-    options = {
-        "env": {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        "text": True,
-        "cwd": tmp_path,
-    }
-    command, pipe = [sys.executable, "-c", "import small"], subprocess.PIPE
-    processes = [subprocess.Popen(command, stdout=pipe, stderr=pipe, **options) for _ in range(2)]
+    env, pipe = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}, subprocess.PIPE
+    options = {"env": env, "cwd": tmp_path, "stdout": pipe, "stderr": pipe, "text": True}
+    command = [sys.executable, "-c", "import small"]
+    processes = [subprocess.Popen(command, **options) for _ in range(2)]
     assert sorted(process.communicate() for process in processes) == [("0\n", ""), ("1\n", "")]
 
 
