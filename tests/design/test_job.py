@@ -263,6 +263,9 @@ def test_a_history_needs_one_excitation_and_a_search_needs_scales():
     assert unsized.shaking.name == el_centro().name
     with pytest.raises(ValueError, match=r"a design for records needs `excitation.scales` \(--scales\)"):
         _ = unsized.conditions
+    # The records are read for the conditions: the message names the table once.
+    with pytest.raises(ValueError, match=r"^\[excitation\] `pga` must be positive and finite, but is -1"):
+        _ = jobs.job_of({"excitation": alone | {"pga": -1.0, "intensity": "scale"}}).conditions
     with pytest.raises(ValueError, match="the job has 2 scales, but exactly one is needed"):
         _ = jobs.job_of({"excitation": alone | {"scales": [1.0, 2.0]}}).shaking
     with pytest.raises(

@@ -31,8 +31,8 @@ module."""
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
     """Return the shape of an array of floats. A size may be a record of compiled code, for all its floats."""
-    lengths = (size.itemsize // 8 if isinstance(size, np.dtype) else int(size) for size in sizes)
-    return jax.ShapeDtypeStruct(tuple(lengths), np.float64)
+    counts = (size.itemsize // 8 if isinstance(size, np.dtype) else int(size) for size in sizes)
+    return jax.ShapeDtypeStruct(tuple(counts), np.float64)
 
 
 def parts(numbers: Any, record: np.dtype) -> SimpleNamespace:

@@ -463,7 +463,7 @@ class HarmonicJob(Job):
             )
         with naming("conditions", factors="amplitudes", count="frequencies"):
             if keys["band"] is not None:
-                out = out * Conditions.band(self.scene, *keys["band"], keys["frequencies"])
+                out = out * Conditions.band(self.scene, *keys["band"], count=keys["frequencies"])
             # A single factor of one is the scene itself, and would only lengthen the description.
             if keys["amplitudes"] is not None:
                 out = out * Conditions.amplitudes(*keys["amplitudes"])

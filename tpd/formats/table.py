@@ -401,8 +401,8 @@ def _channels(
     motions = {i: column for i, column in columns.items() if column.meaning != "time"}
     times = [i for i in columns if i not in motions]
     if not motions or len(times) > 1:
-        wrong = f"must have at most one time, and accelerations: {how.columns}"
-        raise UnreadableRecord(f"{called('columns')} {wrong}")
+        wrong = f"{called('columns')} must have at most one time, and accelerations: {how.columns}"
+        raise UnreadableRecord(wrong)
     for i in times:
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
