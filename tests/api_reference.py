@@ -43,8 +43,7 @@ INTERNAL = {
         "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing"
     ),
     "DesignSpace": (
-        "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes "
-        "table unscaled with_ratios"
+        "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes unscaled"
     ),
     "EngineVerdict": "ensemble finer losses scene sliding step step_matters",
     "Ensemble": "dealt draws half_widths seeded starts widths",
