@@ -33,7 +33,7 @@ BLOCK = _options(
     "block",
     "width height centroid_height mass friction restitution radius_of_gyration base_friction cavity_width "
     "effective_width",
-)
+) + _options("frame", "width height")
 HARMONIC = _options("excitation", "amplitude frequency")
 PULSE = _options("excitation", "pulse pulse_frequency cycles phase pga")
 READING = _options("excitation", "channel dt unit baseline columns skip factor")

@@ -10,7 +10,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -131,6 +131,10 @@ class Job(ABC):
             values = vars(PAPER.block) | values
         with naming("block"):
             block = Block(**values)
+        if (wide := self.full["frame"]["width"]) is not None:
+            with naming("frame", frame_width="frame.width", hinge_height="height"):
+                block = replace(block, frame_width=wide)
+                block.check_hinge(self.full["frame"]["height"])
         # Some authors state the ratio of the energies, which is e^2.
         e, stated = housner(block.slenderness, block.inertia_ratio), block.velocity_ratio
         if abs(stated - e**2) <= _RESTITUTION_DIFFERENCE < abs(stated - e):
@@ -269,8 +273,11 @@ class Job(ABC):
     @cached_property
     def space(self) -> DesignSpace:
         """Design space."""
+        keys, hinge = self.full["space"], self.full["frame"]["height"]
         with naming("space"):
-            return DesignSpace(**self.full["space"])
+            if hinge is not None and keys["hinge_height"] is not None:
+                raise ValueError("`hinge_height` must not be stated with `frame.height`, which is the same")
+            return DesignSpace(**(keys if hinge is None else keys | {"hinge_height": hinge}))
 
     @cached_property
     def risk(self) -> Risk:

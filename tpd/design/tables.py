@@ -172,6 +172,10 @@ _TWO_MASSES = Need(
 )
 
 
+_HINGE = Need("the height of its hinge, `frame.height`", lambda full: full["frame"]["height"] is not None)
+_FRAME = Need("a width, `frame.width`", lambda full: full["frame"]["width"] is not None)
+
+
 # Each of the following classes declares the keys of one table that are no fields of a dataclass.
 
 
@@ -184,6 +188,13 @@ class _Project(msgspec.Struct):
     """Person who checks the report."""
     revision: _Line | None = None
     """Revision of the report."""
+
+
+class _Frame(msgspec.Struct):
+    width: Annotated[float | None, Key("--frame-width M", need=_HINGE)] = None
+    """Clear width of a frame or mast above the block in which the bob swings, instead of a cavity, m."""
+    height: Annotated[float | None, Key("--frame-height M", need=_FRAME)] = None
+    """Height of its hinge above the base of the block, m."""
 
 
 class _Excitation(msgspec.Struct):
@@ -351,6 +362,7 @@ READING = under(_RECORDS, keys_of(_Reading), need=_FILE)
 """Keys of [excitation] that control how files of records are read."""
 TABLES: dict[str, dict[str, Key]] = {
     "project": keys_of(_Project),
+    # The frame has a table, which also states its hinge.
     "block": keys_of(
         Block,
         PAPER.block,
@@ -363,6 +375,7 @@ TABLES: dict[str, dict[str, Key]] = {
         },
         effective_width="SHARE",
     ),
+    "frame": keys_of(_Frame),
     "excitation": {
         **under(_HARMONIC, keys_of(Harmonic, PAPER.excitation, amplitude="M", frequency="HZ")),
         **under(_PULSE, {new: _pulse[name] for name, new in _names.items()}),
@@ -404,6 +417,7 @@ TABLES: dict[str, dict[str, Key]] = {
     ),
 }
 """All keys, by table and name."""
+del TABLES["block"]["frame_width"]
 
 
 def required_keys(table: str, kind: str = "harmonic") -> list[str]:

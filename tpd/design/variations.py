@@ -222,7 +222,7 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
     yield linear("width", share=BEARING - 1.0, words=words, more=narrow)
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.
     middle = 0.5 * float(block.height)
-    if best.pendulum.length <= middle < best.pendulum.hinge_in(block):
+    if block.frame_width is None and best.pendulum.length <= middle < best.pendulum.hinge_in(block):
         lower = replace(problem, space=replace(problem.space, hinge_height=middle))
         yield linear("hinge", words="hinge at mid-height", problem=lower)
 

@@ -54,7 +54,7 @@ def _failures(details: Details) -> Iterator[Note]:
         if x.low > 0.0:
             shares = (percent(share, 1) for share in (x.with_pendulum, x.without_pendulum))
             yield danger(
-                f"WITH THE {of.words.upper()}, MORE RUNS OVERTURN THAN WITHOUT A PENDULUM: "
+                f"IF A PART FAILS ({of.words.upper()}), MORE RUNS OVERTURN THAN WITHOUT A PENDULUM: "
                 "{} against {}. Maintain this part, and inspect it.".format(*shares)
             )
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.checks import Real
-from tpd.core.formatting import number
+from tpd.core.formatting import called, number
 from tpd.scene.ground_motion import FREQUENCIES, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import HIGHEST_HINGE, SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
@@ -189,9 +189,8 @@ class Block:
         if self.cavity_width is None:
             return
         if self.frame_width is not None:
-            raise ValueError(
-                "`cavity_width` must not be stated with `frame_width`: the bob swings in one of them"
-            )
+            other = called("frame_width")
+            raise ValueError(f"`cavity_width` must not be stated with {other}: the bob swings in one of them")
         checks.positive("cavity_width", self.cavity_width, every=True)
         sizes = self.width, self.cavity_width, self.height, self.mass
         # Traced values cannot be compared, and pass.
@@ -219,7 +218,7 @@ class Block:
         if self.frame_width is not None and (height is None or np.any(height <= self.height)):
             stated = "the top" if height is None else f"{np.min(height):g} m"
             top = f"above the top of the block, {np.max(self.height):g} m"
-            raise ValueError(f"`hinge_height` must be {top}, in its frame, but is {stated}")
+            raise ValueError(f"{called('hinge_height')} must be {top}, in its frame, but is {stated}")
 
     @property
     def centroid(self) -> Real:
