@@ -44,6 +44,7 @@ NOTES = {
     "scatter": "Uncertain quantities in the search: relative half width of each.",
     "starts": "Initial states in the search.",
     "limits": "[Limits](validation.md#limits) of the design. `false` removes a limit.",
+    "alternatives": "Measures without a pendulum, which the answer compares.",
     "requirements": "Requirements for a recommendation ([validation](validation.md#validation)).",
     "search": "Settings of the [first stage](validation.md#three-stages).",
     "ensemble": "The [validation runs](validation.md#what-a-run-is), and uncertain quantities in these runs.",

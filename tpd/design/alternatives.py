@@ -1,4 +1,4 @@
-"""Measures that keep a block on its base without a pendulum, by static estimates."""
+"""Measures that keep a block on its base without a pendulum at one level, by static estimates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Alternatives(NamedTuple):
     """Width of the block (m)."""
     periods: np.ndarray
     """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
-    motion at its strongest level. Under ground motions it is the period from which on the response spectrum
+    motion with the peak acceleration of `friction` in g. Under ground motions it is the period from which on the response spectrum
     stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic of period T it is
     T sqrt(1 + f/(nu + k)), for the lowest frequency only. A problem has at least one motion, so that there is
     at least one period."""
@@ -38,6 +38,8 @@ class Alternatives(NamedTuple):
     """Damping ratio of the isolation: 0.05 under ground motions, 0 under a harmonic."""
     acceleration: float
     """Acceleration (m/s^2) that lifts the block."""
+    level: str
+    """Words for the level of the excitation at which the measures prevent uplift."""
 
     @property
     def isolation(self) -> float:
@@ -64,7 +66,7 @@ class Alternatives(NamedTuple):
             isolation += (
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
             )
-        tie = f"a tie at the top for at least {force}"
+        tie = f"at {_at_least(self.friction)} g ({self.level}): a tie at the top for at least {force}"
         if self.friction > 1.0 or self.width > _MOST_WIDTH * self.present:
             return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
         width = f"a base at least {_at_least(self.width)} m wide {friction}"
@@ -81,10 +83,13 @@ def _at_least(x: float) -> str:
 def alternatives(problem: Problem) -> Alternatives:
     """Estimate what keeps the block of a problem on its base without a pendulum."""
     block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
-    lifts = alone.uplift * gravity
-    periods, damping = problem.isolation()
+    peak, words = problem.usual_level
+    if (stated := problem.job and problem.job.level) is not None:
+        peak, words = stated, "as stated"
+    periods, damping = problem.isolation(peak)
     z = float(block.centroid)
-    tie = float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0) * z / float(block.height)
+    tie = float(block.mass) * gravity * max(peak - alone.uplift, 0.0) * z / float(block.height)
     # The block rocks on the same share of a wider base.
-    width = 2.0 * z * (alone.peak - float(block.friction)) * float(block.width / block.base_width)
-    return Alternatives(tie, width, alone.peak, float(block.width), periods, damping, lifts)
+    width = 2.0 * z * (peak - float(block.friction)) * float(block.width / block.base_width)
+    lifts = alone.uplift * gravity
+    return Alternatives(tie, width, peak, float(block.width), periods, damping, lifts, words)

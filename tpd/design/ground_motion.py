@@ -57,6 +57,8 @@ _EVENTS = 20_000
 sufficient also for a bob that swings for a long time."""
 PERIODS = 0.05, 8.0
 """Shortest and longest period (s) of a base isolation under ground motions."""
+_CODE_PERIOD = 475
+"""Return period in years for which codes design ordinary structures."""
 _USUAL_LENGTH, _SLOW = 0.65, 1.5
 """Length ratio of the rule of thumb for earthquakes, and smallest x = l omega^2/g of a pendulum that is
 slower than the ground motion."""
@@ -223,14 +225,23 @@ class GroundMotionProblem(Problem):
         """See `Problem.duration_in_words`."""
         return f"runs over the whole motion, and {FREE:g} s beyond its end"
 
-    def isolation(self) -> tuple[np.ndarray, float]:
+    def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
         acceleration."""
-        lifts = self.at_rest.uplift * float(self.scene.gravity)
-        # The levels of a motion follow each other, and the last one is the strongest.
-        levels = len(self._scales)
-        motions = self.stated_motions[levels - 1 :: levels]
-        return np.array([isolation_period(motion, lifts) for motion in motions]), SPECTRAL_DAMPING
+        gravity = float(self.scene.gravity)
+        lifts, motions = self.at_rest.uplift * gravity, self.stated_motions[:: len(self._scales)]
+        scaled = [motion.scaled(level * gravity / float(motion.pga)) for motion in motions]
+        return np.array([isolation_period(motion, lifts) for motion in scaled]), SPECTRAL_DAMPING
+
+    @property
+    def usual_level(self) -> tuple[float, str]:
+        """See `Problem.usual_level`. With a hazard it is the level that is exceeded once in 475 years, and
+        otherwise the lowest level of the job, for the motion with the largest peak acceleration."""
+        hazard, gravity = self.conditions.hazard, float(self.scene.gravity)
+        if hazard is not None and hazard.intensity == "pga":
+            return float(hazard.level(1.0 / _CODE_PERIOD)), f"once in {_CODE_PERIOD} years"
+        weakest = self.stated_motions[:: len(self._scales)]
+        return max(float(motion.pga) for motion in weakest) / gravity, "the lowest level"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""

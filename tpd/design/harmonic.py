@@ -255,10 +255,15 @@ class HarmonicProblem(Problem):
         n, frequency = self.ensemble.periods, float(self.scene.excitation.frequency)
         return f"runs of {n} periods ({number(n / frequency, 3)} s), or until the motion repeats"
 
-    def isolation(self) -> tuple[np.ndarray, float]:
+    def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """Return the period for the lowest frequency only; see `Problem.isolation`."""
         lowest = float(self.scene.excitation.frequency * np.min(self.conditions.column("frequency")))
-        return np.array([math.sqrt(1.0 + self.at_rest.peak / self.at_rest.uplift) / lowest]), 0.0
+        return np.array([math.sqrt(1.0 + level / self.at_rest.uplift) / lowest]), 0.0
+
+    @property
+    def usual_level(self) -> tuple[float, str]:
+        """See `Problem.usual_level`."""
+        return self.at_rest.peak, "the strongest condition"
 
     def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check]:
         """See `Problem.compared_models`."""

@@ -398,6 +398,14 @@ class Job(ABC):
         lines = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
         return (*self.messages, *lines, *self._validation[1])
 
+    @cached_property
+    def level(self) -> float | None:
+        """Peak acceleration (g) for which measures without a pendulum are estimated; None if not stated."""
+        if (stated := self.full["alternatives"]["level"]) is not None:
+            with naming("alternatives"):
+                checks.plausible("`level`", checks.positive("level", stated), "pga")
+        return stated
+
     @property
     def settings(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` except the scene."""
@@ -687,7 +695,7 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
     check_fit(site, job.space, ensemble, naming)
-    _ = job.risk, job.limits, job.requirements, job.hazard
+    _ = job.risk, job.limits, job.requirements, job.hazard, job.level
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.
     full["block"] |= {name: getattr(job.block, name) for name in ("friction", "restitution", "cavity_width")}

@@ -332,9 +332,15 @@ class Problem(ABC):
         )
 
     @abstractmethod
-    def isolation(self) -> tuple[np.ndarray, float]:
+    def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the
-        block, one for each motion at its strongest level, and the damping ratio of the isolation."""
+        block, one for each motion with the peak acceleration `level` (g), and the damping ratio of the
+        isolation."""
+
+    @property
+    @abstractmethod
+    def usual_level(self) -> tuple[float, str]:
+        """Peak acceleration (g) for which measures without a pendulum are estimated, and words for it."""
 
     def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check, ...]:
         """Return a comparison of models for each stated motion that settles; none under ground motions.

@@ -221,6 +221,13 @@ class _Excitation(msgspec.Struct):
     of other records for it (default 0.5)."""
 
 
+class _Alternatives(msgspec.Struct):
+    level: Annotated[float | None, Key()] = None
+    """Peak acceleration for which ties, wider bases and isolation are estimated, in g (default: a harmonic as
+    stated; else the level that is exceeded once in 475 years, if the hazard states PGA, or the lowest
+    level)."""
+
+
 class _Records(msgspec.Struct):
     events: Annotated[dict[str, str] | None, Key("--event FILE=NAME", _RECORDS, _FILE)] = None
     """Names of the earthquakes, by file or folder (default: what the files state, else one earthquake)."""
@@ -398,6 +405,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "scatter": of_ground_motions({name: Key(type=float, help=(Ensemble, name)) for name in FACTORS}),
     "starts": keys_of(_Starts),
     "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
+    "alternatives": keys_of(_Alternatives),
     "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITS)),
     "search": {
         **_descent,

@@ -150,6 +150,20 @@ class Hazard:
         # A damage state without dispersion is reached whenever the intensity exceeds its median.
         return self.annual_rate(levels, _STEP)
 
+    def level(self, rate: float) -> float:
+        """Return the level that is exceeded at an annual rate, on the lines of the curve.
+
+        Example:
+            >>> import tpd
+            >>> hazard = tpd.Hazard(levels=[0.1, 1.0], return_periods=[100.0, 10000.0])
+            >>> round(hazard.level(1.0 / 1000.0), 4)
+            0.3162
+        """
+        assert self.rates is not None
+        x, y, at = np.log(self.levels), np.log(self.rates), np.log(checks.positive("rate", rate))
+        i = int(np.clip(np.searchsorted(-y, -at), 1, len(y) - 1))
+        return float(np.exp(x[i] + (at - y[i]) * (x[i] - x[i - 1]) / (y[i] - y[i - 1])))
+
     def annual_rate(self, median: Any, dispersion: Any) -> Any:
         """Return the annual rate of a damage state with a lognormal fragility curve.
 
