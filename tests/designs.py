@@ -86,6 +86,8 @@ class NoisyProblem(Problem):
     has_validation_runs: ClassVar[bool] = True
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
+    scope: ClassVar[str] = "noise"  # type: ignore[misc]
+    usual_level: ClassVar = (0.3, "noise")  # type: ignore[misc]
     assumed_excitation: ClassVar[str] = "noise"  # type: ignore[misc]
     # A longest length below the shortest one is no rule of thumb.
     rule_lengths: ClassVar[tuple[float, float]] = 0.0, 1.0  # type: ignore[misc]
@@ -119,7 +121,7 @@ class NoisyProblem(Problem):
         """Mean tilt over nu without noise."""
         return float(0.2 + 0.5 * np.sum((SPACE.scaled(np.asarray(design)) - [0.6, 0.5, 0.4]) ** 2))
 
-    def isolation(self):
+    def isolation(self, level):
         return np.array([1.0]), 0.0
 
     @property

@@ -33,7 +33,7 @@ Units are m, kg, s, Hz and rad.
 NOTES = {
     "project": "Words for titles.",
     "block": "The structure. [What to measure](measuring.md) explains how to find the values.",
-    "frame": "A [frame](cavity.md) above a block without a cavity. Both keys are needed, and its mass belongs to the block.",
+    "frame": "A [frame](cavity.md) above the block instead of a cavity. Its mass belongs to the block.",
     "excitation": "The motion of the base. [Which excitation?](excitation.md) explains the choice.",
     "records": "Facts about [records](records.md) that their files do not state.",
     "hazard": "The seismic hazard of the site, from which annual rates of overturning follow.",

@@ -62,15 +62,12 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
     done, inputs = run_with(harmonic(), "--scene small.toml --seed 3")
     assert (done.status, inputs["seed"]) == (3, 3)
     assert done.files.keys() >= DATA
-    assert len(done.out.splitlines()) <= 43
-    header, answer = done.out.split("\n\n", maxsplit=1)
     losses = "with other losses than the paper's"
-    assert header.splitlines()[0] == f"Scene: the paper's block (Collini et al. 2016) {losses}."
-    report = done.files["report.txt"].read_text(encoding="utf-8")
-    assert answer == report
-    assert answer.splitlines()[-2:] == [
-        "  report      out/report.html",
-        "  repeat      tpd optimise --scene out/scene.toml --out out-again",
+    assert f"Scene: the paper's block (Collini et al. 2016) {losses}." in done.err.splitlines()
+    assert done.out == done.files["report.txt"].read_text(encoding="utf-8")
+    assert done.out.splitlines()[-2:] == [
+        "  report         out/report.html",
+        "  repeat         tpd optimise --scene out/scene.toml --out out-again",
     ]
     content, stored = done.json("design.json"), tpd.read_design("out")
     job = jobs.job_of(tomllib.loads(done.files["scene.toml"].read_text()))
@@ -107,7 +104,7 @@ def test_quiet_prints_the_verdict_and_verbose_all_rows(run_with):
     done, _ = run_with(rejected(), "--json --overwrite")
     assert json.loads(done.out) == done.json("design.json")
     done, _ = run_with(rejected(), "--verbose --overwrite")
-    assert done.out.endswith(done.files["report.txt"].read_text())
+    assert done.out.startswith(done.files["report.txt"].read_text())
     assert re.search(r"\n  nearby .*", done.out)
     done, _ = run_with(rejected())
     assert done.status == 2
@@ -198,8 +195,8 @@ def test_the_terminal_summarises_many_records_in_one_line(run_with, tmp_path):
     (tmp_path / "job.toml").write_text(block + '[excitation]\nrecords = ["quakes"]\nscales = [1]\n')
     done, _ = run_with(harmonic(), "--scene job.toml")
     assert done.status == 3
-    lines = done.out.splitlines()
-    assert len(lines) <= 43
+    lines = done.err.splitlines()
+    assert len(done.out.splitlines()) <= 25
     assert lines[0].startswith("records: 60 of 60 earthquakes, 100 samples of 0.01 s, 0.99 s long, PGA ")
     assert lines[1] == "left out: a.AT2 (velocity)"
 
@@ -234,7 +231,7 @@ NOT_NEEDED = "NOT NEEDED: under all conditions the block without a pendulum stay
 def test_a_block_that_does_not_rock_needs_no_search(words, status, first, tmp_path):
     done = call("optimise", words, out=tmp_path / "out")
     assert done.status == status
-    assert done.out.split("\n\n")[1].startswith(first)
+    assert done.out.startswith(first)
     assert done.json("design.json")["pendulum"] is None
 
 
@@ -245,10 +242,9 @@ def test_only_the_chimney_template_gets_a_pendulum(kind, tmp_path):
     path = tmp_path / "job.toml"
     path.write_text(template(kind))
     done = call("optimise", str(path), out=tmp_path / "out")
-    verdict = " ".join(done.out.split("\n\n")[1].split())
     assert done.status == (0 if kind == "chimney" else 3)
-    assert verdict.startswith("RECOMMENDED" if kind == "chimney" else "NOT RECOMMENDED")
+    assert done.out.startswith("RECOMMENDED" if kind == "chimney" else "NOT RECOMMENDED")
     if kind == "chimney":
         content = done.json("design.json")
-        assert 0.5 < content["overturning_reduction"]["mean"] < 0.7
+        assert 0.6 < content["overturning_reduction"]["mean"] < 0.85
         assert content["build"]["mass"] < 0.1 * 16280.0

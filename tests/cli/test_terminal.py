@@ -20,17 +20,17 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals differ")
 
 
 @posix
-@pytest.mark.parametrize("moment", ["stderr", "stdout"])
-def test_ctrl_c_ends_a_command_without_traceback_or_files(tmp_path, moment):
+@pytest.mark.parametrize("lines", [1, 4])
+def test_ctrl_c_ends_a_command_without_traceback_or_files(tmp_path, lines):
     """Interrupt while modules are imported, and while a program compiles."""
     with subprocess.Popen(COMMAND, cwd=tmp_path, **PIPES) as run:
-        line = getattr(run, moment).readline()
+        first, *_ = [run.stderr.readline() for _ in range(lines)]
         run.send_signal(signal.SIGINT)
         # The pipes end only when no process has them open any more.
         out, err = run.communicate(timeout=60)
     # The first message appears before JAX is imported.
     message = f"tpd {tpd.__version__}: searching for the best pendulum (report: out)\n"
-    assert line == message if moment == "stderr" else message in err
+    assert first == message
     assert run.returncode == -signal.SIGINT, err
     for word in ("Traceback", "Exception ignored"):
         assert word not in out + err

@@ -34,14 +34,16 @@ def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
     ("friction", "width", "is_offered"), [(0.5, 1.9, True), (1.01, 1.9, False), (0.5, 2.01, False)]
 )
 def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
-    said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0))
+    said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0, "as stated"))
     assert ("a base at least" in said) is is_offered
     assert said.endswith("; no wider base prevents uplift") is not is_offered
 
 
 def test_the_sentence_on_alternatives_has_sizes_rounded_up_to_two_digits():
-    said = str(Alternatives(1234.0, 1.21, 0.5, 1.0, np.array([1.51, 2.0]), 0.05, 3.0))
-    assert said.startswith("a tie at the top for at least 1.3 kN, a base at least 1.3 m wide with a coeffic")
+    said = str(Alternatives(1234.0, 1.21, 0.5, 1.0, np.array([1.51, 2.0]), 0.05, 3.0, "as stated"))
+    assert said.startswith(
+        "at 0.5 g (as stated): a tie at the top for at least 1.3 kN, a base at least 1.3 m wide with a"
+    )
     # At an acceleration of 3 m/s^2 the displacement is 3 (2/(2 pi))^2 m.
     assert "with 5 % damping and a period of at least 2 s (displacement 0.31 m) for all 2 motions, or" in said
     assert "or at least 1.8 s (displacement 0.24 m) for half" in said

@@ -20,18 +20,22 @@ def section(report, title):
     return found.blocks
 
 
-def test_the_first_screen_has_verdict_dangers_summary_and_one_comparison():
+def test_the_first_screen_has_verdict_dangers_and_the_groups_of_the_answer():
     report = content(with_job(harmonic(), project={"name": "Tower"}), details(), date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}
-    assert [r[0] for r in report.summary.rows[:7]] == [
-        *("project", "block", "excitation", "uplift", "sliding", "conditions", "starts")
+    assert [group.title for group in report.summary.groups] == ["Compare first", "Build", ""]
+    assert [name for name, _ in report.summary.groups[0].rows] == [
+        "no pendulum",
+        "wider block",
     ]
-    assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
+    assert [f.name for f in report.figures] == ["benefit.svg", "drawing.svg"]
     assert report.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"
     assert content(harmonic(), Details()).title == "Pendulum for a block of 0.1 m × 0.4 m"
-    # No section repeats the comparison.
-    assert report.summary.comparison not in [block for s in report.sections for block in s.blocks]
+    (table,) = section(report, "Conditions, limits and friction")
+    assert [name for name, _ in table.rows[:7]] == [
+        *("block", "excitation", "uplift", "sliding", "conditions", "required", "benefit")
+    ]
 
 
 def test_hypotheses_state_the_intensity_once_and_define_surviving_runs():
@@ -44,7 +48,8 @@ def test_hypotheses_state_the_intensity_once_and_define_surviving_runs():
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_have_a_fixed_order_and_empty_sections_are_omitted(kind):
-    order = ["Hypotheses", "Document and scope", "Notes", "Build it", "Lighter pendulums"]
+    order = ["Build it", "Conditions, limits and friction", "Notes", "Hypotheses", "Document and scope"]
+    order += ["Lighter pendulums"]
     order += ["Validation runs", "Depends on", "What limits the design", "Nearby frequencies"]
     order += ["Motion from rest", "Settled motion"]
     order += [

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from tests.report.conftest import DESIGNS, details, harmonic, with_job
-from tpd.report.blocks import Code, Figure, Note, Report, Section, Summary, Table, Text, danger, note
+from tpd.report.blocks import Code, Figure, Group, Note, Report, Section, Summary, Table, Text, danger, note
 from tpd.report.content import content, figures
 from tpd.report.files import data
 from tpd.report.render import html
@@ -50,7 +50,7 @@ def of(*blocks) -> Report:
 
 
 def report(verdict: Note, *sections: Section) -> Report:
-    return Report("title", Summary(verdict, (), (("bob", "5 kg"),), None), (), sections)
+    return Report("title", Summary(verdict, (), None, (Group("Build", (("bob", "5 kg"),)),)), (), sections)
 
 
 def test_the_page_embeds_its_pictures_and_loads_no_external_file():
@@ -77,8 +77,8 @@ def test_the_page_has_all_sections_in_order_and_the_stored_data_give_the_same_pa
     last = said.index(found.summary.verdict.text)
     for part in parts:
         last = said.index(part, last + 1)
-    assert all(cell in said for row in found.summary.rows for cell in row)
-    assert found.summary.comparison.caption in said
+    assert all(cell in said for group in found.summary.groups for row in group.rows for cell in row)
+    assert found.summary.table is None or all(row[1] in said for row in found.summary.table.rows)
     stored = msgspec.json.decode(data(found), type=Report)
     assert (stored, html(stored, {})) == (found, page)
 

@@ -113,9 +113,10 @@ def _check_by_models(
         sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
         sentences += [f"{text}." for text in problem.yearly(runs.annual_rates)]
     status, reasons = validation.status, validation.refusals or problem.missing
+    verdict = problem.headline(status, validation.refusals)
     before = [line for text in sentences for line in wrapped(text)]
     after = [line for text in status.other(reasons) for line in wrapped(text, "  reason      ", " " * 14)]
-    return [*table, *before, "", *after, *wrapped(status.headline(reasons))], status.is_sound
+    return [*table, *before, "", *after, *wrapped(verdict)], status.is_sound
 
 
 def _write(options: argparse.Namespace, answer: str) -> None:

@@ -166,6 +166,7 @@ def print_header(
     motion: str = "",
     notes: Iterable[str] = (),
     at_rest: Any = None,
+    to: Any = None,
 ) -> None:
     """Print the inputs of a command, so that the user notices a wrong default before the work begins.
 
@@ -176,12 +177,13 @@ def print_header(
         notes: lines on the records that were read, printed first.
         at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
             command varies the motion.
+        to: stream; by default standard output.
     """
     rest = () if at_rest is None else at_rest.lines
     point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
     rows = (*words.scene_lines(scene, motion), *rest, *point)
     lines = (line for row in rows for line in wrapped(row, rest=" " * 14))
-    progress.say("\n".join((*notes, *lines)), sys.stdout)
+    progress.say("\n".join((*notes, *lines)), to or sys.stdout)
 
 
 def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) -> Pendulum | None:

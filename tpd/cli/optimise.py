@@ -14,12 +14,10 @@ from tpd.core import files, progress
 from tpd.design.as_built import details
 from tpd.design.optimise import front, problem_of, solve_problem
 from tpd.design.reasons import VALIDATED
-from tpd.report.blocks import MOST, Report
+from tpd.report.blocks import MOST, Report, Table
+from tpd.report.content import CONDITIONS
 from tpd.report.files import write
-from tpd.report.render import text
-
-_FEWEST_LINES = 12
-"""Smallest number of lines for the answer, even if there are many lines on the records."""
+from tpd.report.render import in_rows, text
 
 
 def run(options: argparse.Namespace, case: common.Case) -> int:
@@ -30,7 +28,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # minutes later.
     files.today()
     if not (options.quiet or options.json):
-        common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
+        common.print_header(job.scene, None, job.in_words, messages, problem.at_rest, sys.stderr)
     # Matplotlib loads slowly. It loads beside the runs, which are compiled code without Python's lock.
     Thread(target=import_module, args=("tpd.plots.results",), daemon=True).start()
     with progress.bar_for(not options.quiet) as bar:
@@ -40,8 +38,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             points = front(design, progress=bar)
         # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)
-    # The lines on the records and the answer together should fit on a terminal.
-    lines = sys.maxsize if options.verbose else max(_FEWEST_LINES, MOST - len(messages))
+    lines = sys.maxsize if options.verbose else MOST
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     how = {"then": partial(_show, options), "warn": lambda message: progress.say(f"tpd: {message}")}
     how |= {"overwrite": options.overwrite, "lines": lines}
@@ -56,4 +53,7 @@ def _show(options: argparse.Namespace, report: Report) -> None:
     elif options.quiet:
         print_answer(report.summary.verdict.marked, str(options.out))
     else:
-        print_answer("", text(report).rstrip("\n"))
+        print_answer(text(report).rstrip("\n"))
+        if options.verbose:
+            (conditions,) = (section.blocks for section in report.sections if section.title == CONDITIONS)
+            print_answer("", *(in_rows(block) for block in conditions if isinstance(block, Table)))

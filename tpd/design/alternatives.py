@@ -30,10 +30,10 @@ class Alternatives(NamedTuple):
     """Width of the block (m)."""
     periods: np.ndarray
     """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
-    motion with the peak acceleration of `friction` in g. Under ground motions it is the period from which on the response spectrum
-    stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic of period T it is
-    T sqrt(1 + f/(nu + k)), for the lowest frequency only. A problem has at least one motion, so that there is
-    at least one period."""
+    motion with the peak acceleration of `friction` in g. Under ground motions it is the period from which on
+    the response spectrum stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic
+    of period T it is T sqrt(1 + f/(nu + k)), for the lowest frequency only. A problem has at least one
+    motion, so that there is at least one period."""
     damping: float
     """Damping ratio of the isolation: 0.05 under ground motions, 0 under a harmonic."""
     acceleration: float
@@ -51,13 +51,23 @@ class Alternatives(NamedTuple):
         displacement at one of `periods`."""
         return self.acceleration * (period / (2.0 * math.pi)) ** 2
 
+    @property
+    def brief(self) -> str:
+        """Clause with tie and base."""
+        base = "" if self.friction > 1.0 else f", or a base of {_at_least(self.width)} m,"
+        at = f"at {_at_least(self.friction)} g (static)"
+        return f"a tie at the top for {self._force}{base} prevents uplift {at}"
+
+    @property
+    def _force(self) -> str:
+        return f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
+
     def _isolation(self, period: float) -> str:
         if not math.isfinite(period):
             return f"more than {PERIODS[1]:g} s"
         return f"at least {_at_least(period)} s (displacement {_at_least(self.displacement(period))} m)"
 
     def __str__(self) -> str:
-        force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
         friction = f"with a coefficient of friction of at least {_at_least(self.friction)}"
         kind = f"a base isolation with {100.0 * self.damping:g} % damping and"
         kind = kind if self.damping else "an undamped base isolation with"
@@ -66,7 +76,7 @@ class Alternatives(NamedTuple):
             isolation += (
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
             )
-        tie = f"at {_at_least(self.friction)} g ({self.level}): a tie at the top for at least {force}"
+        tie = f"at {_at_least(self.friction)} g ({self.level}): a tie at the top for at least {self._force}"
         if self.friction > 1.0 or self.width > _MOST_WIDTH * self.present:
             return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
         width = f"a base at least {_at_least(self.width)} m wide {friction}"

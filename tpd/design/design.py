@@ -127,15 +127,18 @@ class Design(Printed):
         # A block that does not rock needs its margin and not the number of rejected designs.
         if status in (DesignStatus.no_uplift, DesignStatus.slides):
             return self.problem.needless
-        text = status.headline(self.refusals or self.problem.missing)
+        text = self.problem.headline(status, self.refusals)
         if runs is None or best is None or status in REJECTED:
             return text
-        result = reduction(runs, best.measure)
-        if status not in VALIDATED:
-            return f"{text} In {runs.pairs} paired runs of these motions: {result}."
-        only = "" if self.problem.has_earthquakes else " It holds for this harmonic excitation only."
-        head = status.head + "".join(f", because {x}" for x in self.problem.missing)
-        return f"{head}: {result}.{only} This is not a safety assessment."
+        return text if status in VALIDATED else f"{text} {self.result}"
+
+    @property
+    def result(self) -> str:
+        """Sentences with the benefit in the validation runs; empty if there are none."""
+        if self.runs is None or self.best is None:
+            return ""
+        of = " of these motions" * (self.status not in VALIDATED)
+        return f"In {self.runs.pairs} paired runs{of}: {reduction(self.runs, self.best.measure)}."
 
     @property
     def benefit(self) -> Interval | None:
@@ -307,7 +310,7 @@ class Design(Printed):
                 f"  pendulum    equivalent point mass {size}, damping ratio {pendulum.damping_ratio:.3g}"
             )
         if self.runs is not None:
-            lines.append(f"  benefit     {self.runs.benefit_in_words}; {self.runs.description}")
+            lines.append(f"  benefit     {self.result}")
         lines += [f"  reason      {text}" for text in self.status.other(self.refusals)[:_MOST_REASONS]]
         lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)

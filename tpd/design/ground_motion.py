@@ -228,10 +228,21 @@ class GroundMotionProblem(Problem):
     def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
         acceleration."""
-        gravity = float(self.scene.gravity)
-        lifts, motions = self.at_rest.uplift * gravity, self.stated_motions[:: len(self._scales)]
-        scaled = [motion.scaled(level * gravity / float(motion.pga)) for motion in motions]
-        return np.array([isolation_period(motion, lifts) for motion in scaled]), SPECTRAL_DAMPING
+        lifts, weakest = self.at_rest.uplift * float(self.scene.gravity), self._weakest
+        # The strongest of the motions has the peak acceleration of the level.
+        factor = level * float(self.scene.gravity) / max(float(motion.pga) for motion in weakest)
+        periods = [isolation_period(motion.scaled(factor), lifts) for motion in weakest]
+        return np.array(periods), SPECTRAL_DAMPING
+
+    @property
+    def _weakest(self) -> list[GroundMotion]:
+        """Every motion at its lowest level."""
+        return self.stated_motions[:: len(self._scales)]
+
+    @property
+    def scope(self) -> str:
+        """See `Problem.scope`."""
+        return self.excitation_in_words
 
     @property
     def usual_level(self) -> tuple[float, str]:
@@ -239,9 +250,8 @@ class GroundMotionProblem(Problem):
         otherwise the lowest level of the job, for the motion with the largest peak acceleration."""
         hazard, gravity = self.conditions.hazard, float(self.scene.gravity)
         if hazard is not None and hazard.intensity == "pga":
-            return float(hazard.level(1.0 / _CODE_PERIOD)), f"once in {_CODE_PERIOD} years"
-        weakest = self.stated_motions[:: len(self._scales)]
-        return max(float(motion.pga) for motion in weakest) / gravity, "the lowest level"
+            return hazard.level(1.0 / _CODE_PERIOD), f"once in {_CODE_PERIOD} years"
+        return max(float(motion.pga) for motion in self._weakest) / gravity, "the lowest level"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""

@@ -261,6 +261,16 @@ class HarmonicProblem(Problem):
         return np.array([math.sqrt(1.0 + level / self.at_rest.uplift) / lowest]), 0.0
 
     @property
+    def scope(self) -> str:
+        """See `Problem.scope`."""
+        motion, column = self.scene.excitation, self.conditions.column
+        hertz, metres = motion.frequency * column("frequency"), motion.amplitude * column("amplitude")
+        band, sizes = ((float(x.min()), float(x.max())) for x in (hertz, metres))
+        low, high = (number(x, 3) for x in band)
+        size = f"{'up to ' * (sizes[0] < sizes[1])}{number(sizes[1], 3)} m"
+        return f"a harmonic of {low if low == high else f'{low} to {high}'} Hz and {size}"
+
+    @property
     def usual_level(self) -> tuple[float, str]:
         """See `Problem.usual_level`."""
         return self.at_rest.peak, "the strongest condition"

@@ -24,7 +24,7 @@ from tpd.core.formatting import pair_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.geometry import Geometry
 from tpd.design.job import Job
-from tpd.design.reasons import AFTER_PUSH, STAYS, DesignStatus, Reason, ReasonKind
+from tpd.design.reasons import AFTER_PUSH, STAYS, VALIDATED, DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.design.space import DesignSpace, check_fit
@@ -339,6 +339,11 @@ class Problem(ABC):
 
     @property
     @abstractmethod
+    def scope(self) -> str:
+        """Words for the excitations for which a verdict holds."""
+
+    @property
+    @abstractmethod
     def usual_level(self) -> tuple[float, str]:
         """Peak acceleration (g) for which measures without a pendulum are estimated, and words for it."""
 
@@ -393,6 +398,27 @@ class Problem(ABC):
         parts = ["considered only one excitation"] * (len(self.conditions) == 1)
         parts += ["assumed a bob without size and no walls"] * (limit_of(self.limits, Clearance) is None)
         return [f"the search {' and '.join(parts)}"] if parts else []
+
+    def parts_of(self, runs: PairedRuns, most: int = 16) -> list[tuple[str, np.ndarray]]:
+        """Return the parts of paired runs that are compared: each kind of start, or up to `most` ranges of
+        levels. A part has a name and whether each run belongs to it; there are none for a single part."""
+        counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
+        parts = [(kind.removeprefix("from rest, "), rows) for kind, rows in runs.with_pendulum.starts.items()]
+        if names := list(self.levels):
+            each = np.array(list(self.levels.values()))
+            ranges = np.array_split(np.arange(len(names)), min(len(names), most))
+            ends = [(names[i[0]], names[i[-1]]) for i in ranges]
+            words = [low if low == high else f"{low.partition(' ')[0]} to {high}" for low, high in ends]
+            parts = [(name, each[i].any(axis=0)) for name, i in zip(words, ranges, strict=True)]
+        return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
+
+    def headline(self, status: DesignStatus, reasons: Sequence[str]) -> str:
+        """Return the sentence of a status: for which excitations a pendulum is valid, or the first reason
+        against it."""
+        if status not in VALIDATED:
+            return status.headline(reasons or self.missing)
+        because = "".join(f", because {x}" for x in self.missing)
+        return f"{status.head} for {self.scope}{because}. This is not a safety assessment."
 
     @abstractmethod
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Any:

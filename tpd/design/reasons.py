@@ -38,7 +38,7 @@ class DesignStatus(enum.Enum):
     """Sentence with advice on what to do next."""
 
     recommended = (
-        "RECOMMENDED for the stated conditions",
+        "RECOMMENDED",
         "in validation runs of the nonlinear model the pendulum "
         "has the required benefit, and under no condition does it do significant harm. This is not a "
         "safety assessment.",

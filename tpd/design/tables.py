@@ -188,6 +188,10 @@ class _Project(msgspec.Struct):
     """Person who checks the report."""
     revision: _Line | None = None
     """Revision of the report."""
+    source: _Line | None = None
+    """Source of the excitation, such as a measurement, a code or a hazard study."""
+    return_period: _Line | None = None
+    """Return period of the excitation, in words."""
 
 
 class _Frame(msgspec.Struct):

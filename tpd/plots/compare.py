@@ -28,12 +28,7 @@ from tpd.plots.style import (
 
 _MOST = 24
 """Largest number of groups of runs with a row of their own. They are chosen evenly from all groups."""
-_SHOWN = {
-    "mean tilt": "tilt, mean",
-    "worst tilt": "tilt, mean of the highest 10 %",
-    "overturned": "overturned",
-    "at rest": "at rest at the end",
-}
+_SHOWN = {"overturned": "overturned", "mean tilt": "tilt, mean", "at rest": "at rest at the end"}
 """Labels of the changes over all runs, by their names."""
 _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
 """Names of the pendulum's quantities by the shorter names of the conditions."""
@@ -43,10 +38,10 @@ _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": 
 def plot_benefit(design: Design, ax: Any = None) -> Any:
     """Draw the results of the validation runs of the best design, with and without the pendulum.
 
-    Above a line: mean tilt over nu, and shares of the runs that overturn and that end at rest, of all counted
-    runs. A bar is the 95 % interval of the difference. Under ground motions the row on rest is drawn only if
-    a run ends at rest. Below the line: mean tilts for each condition (under ground motions, for each group)
-    and for each kind of start.
+    Above a line: share of all counted runs that overturn, mean tilt over nu, and share that ends at rest. A
+    wide bar is the 95 % interval of the difference. Under ground motions the row on rest is drawn only if a
+    run ends at rest. Below the line: shares that overturn for each kind of start, or for each level, with
+    their own 95 % intervals. If no run overturns: mean tilts for each condition or group.
 
     Args:
         design: the answer of `optimise`.
@@ -72,6 +67,11 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     # Marks are not clipped: half of a mark at 0 or 1 could be taken for another mark.
     for case, x, size in zip(CASES, (without, pendulum), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})
+    for (_, rows_of_part), y in zip(_overturning(design, design.runs), heights[above:], strict=False):
+        cases = design.runs.without_pendulum, design.runs.with_pendulum
+        for runs, case, shift in zip(cases, CASES, (0.16, -0.16), strict=True):
+            share = runs.of(rows_of_part).share_overturned
+            ax.hlines(y + shift, share.low, share.high, color=case["color"], lw=1.2, zorder=2)
     ax.set_yticks(heights, [row[0] for row in rows], fontsize=SMALL)
     ax.set(xlim=(0.0, 1.0), xlabel="share of the runs; tilt as a share of the slenderness (-)")
     ax.invert_yaxis()
@@ -79,6 +79,12 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     ax.axhline(above - 0.5, color=INK, lw=0.6)
     legend(ax)
     return ax
+
+
+def _overturning(design: Design, runs: PairedRuns) -> list[tuple[str, np.ndarray]]:
+    """Return the kinds of start or levels whose shares that overturn are drawn; none if no run overturns."""
+    falls = any(case.is_overturned.any() for case in (runs.with_pendulum, runs.without_pendulum))
+    return design.problem.parts_of(runs) if falls else []
 
 
 def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, float, float, float]], int]:
@@ -95,6 +101,12 @@ def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, floa
         if name != "at rest" or runs.cluster is None or (with_pendulum, without) != (0.0, 0.0):
             rows.append((label, without, with_pendulum, low, high))
     above = len(rows)
+    if parts := _overturning(design, runs):
+        cases = runs.without_pendulum, runs.with_pendulum
+        for name, of in parts:
+            shares = (float(np.mean(case.is_overturned[of])) for case in cases)
+            rows.append((f"overturned, {name}", *shares, np.nan, np.nan))
+        return rows, above
     # The conditions or groups come first in `runs.parts`, and the kinds of start last.
     has_runs = np.array([np.isfinite(part.with_pendulum) for part in runs.parts])
     starts = np.flatnonzero(has_runs[len(runs.labels) :]) + len(runs.labels)

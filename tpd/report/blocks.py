@@ -23,9 +23,8 @@ _UNIT = re.compile(
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
-MOST = 34
-"""Largest number of lines of a summary. The command prints up to nine lines on block and excitation before
-the search, so the whole output has at most forty-three lines."""
+MOST = 25
+"""Largest number of lines of the answer on the terminal."""
 _WIDTH = 100
 """Largest number of columns of a line of text. Tables may be wider."""
 
@@ -138,18 +137,30 @@ class Section(Struct, frozen=True):
     """Danger that precedes the verdict, if a later command reports one."""
 
 
+Row = tuple[str, str]
+"""Name and sentence."""
+
+
+class Group(Struct, frozen=True):
+    """Rows of the answer below a title."""
+
+    title: str
+    """Title; empty for rows without one."""
+    rows: tuple[Row, ...]
+
+
 class Summary(Struct, frozen=True):
     """Answer of the terminal, and first screen of the page."""
 
     verdict: Note
     notes: tuple[Note, ...]
     """All notes, the dangers first."""
-    rows: tuple[tuple[str, str], ...]
-    """Names and sentences on block, pendulum and limits."""
-    comparison: Table | None
-    """Results with and without the pendulum, from one set of runs; None if there are no runs."""
-    commands: tuple[tuple[str, str], ...] = ()
-    """Names and sentences on the files of the report and on further questions, with commands."""
+    table: Table | None
+    """Runs that overturn without and with the pendulum; None if there are no runs."""
+    groups: tuple[Group, ...]
+    """What to compare, to build, and to know, in this order."""
+    commands: tuple[Row, ...] = ()
+    """Further questions with commands, and the files of the report."""
 
     @property
     def dangers(self) -> tuple[Note, ...]:

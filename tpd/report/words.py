@@ -78,10 +78,14 @@ def losses(block: Block) -> str:
 
 def first_guess(of: FirstGuess, allowed: float) -> str:
     """Describe the pendulum of a rule of thumb, with the share of the runs that overturn."""
-    share, zeta = percent(of.runs.share_overturned.value, 1), number(float(of.pendulum.damping_ratio), 2)
-    exceeds = f"; {exceeding(of.over_limit, allowed, of.limit)}" if of.over_limit > allowed else ""
-    pendulum = f"rule of thumb, {point(of.pendulum, 2, 2)}, damping ratio {zeta}"
-    return f"{pendulum}: {share} of the same runs overturn{exceeds}"
+    exceeds = ""
+    if of.over_limit > allowed:
+        share = percent(of.over_limit)
+        exceeds = f", but {share} of the others exceed the limit on {LABELS.get(of.limit, of.limit)}"
+        if of.limit == Clearance.name:
+            exceeds = f", but the bob touches the wall in {share} of the others"
+    share = percent(of.runs.share_overturned.value, 1)
+    return f"{point(of.pendulum, 2, 2)}: {share} overturn{exceeds}"
 
 
 def wider(worth: EquivalentWidening) -> str:
@@ -138,7 +142,7 @@ def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
 
 
 def range_of_mass(design: Design) -> str:
-    """Return the range of masses that perform equally well, as the end of a sentence.
+    """Return the range of masses of the equivalent point that perform equally well.
 
     The text is empty if the range is unknown or contains only the mass of the design.
     """
@@ -148,7 +152,7 @@ def range_of_mass(design: Design) -> str:
     # A range such as "510 to 510 kg" would not be a range.
     if number(low, 2) == number(high, 2):
         return ""
-    return f"; {number(low, 2)} to {number(high, 2)} kg perform equally well"
+    return f"{number(low, 2)} to {number(high, 2)} kg"
 
 
 def group(part: Part) -> str:

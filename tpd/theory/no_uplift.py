@@ -135,6 +135,8 @@ class Sliding(NamedTuple):
     """Whether the base has less friction, so that the equations do not describe the block."""
     sentence: str
     """Sentence that compares the friction of the base with the needed friction."""
+    needed: float = math.nan
+    """Largest coefficient of friction that the base needs."""
 
 
 def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> Sliding:
@@ -153,8 +155,10 @@ def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> Sliding:
     has = "" if base is None else f", {'but' if slides else 'and'} has {pairs[worst][1]}"
     friction = f"the base needs a coefficient of friction of {listed}{has}"
     if slides:
-        return Sliding(True, f"SLIDES WHILE IT ROCKS: {friction}. The equations have no sliding.")
-    return Sliding(False, f"While the block rocks from rest, {friction} (linear model).")
+        return Sliding(
+            True, f"SLIDES WHILE IT ROCKS: {friction}. The equations have no sliding.", needed[worst]
+        )
+    return Sliding(False, f"While the block rocks from rest, {friction} (linear model).", needed[worst])
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
