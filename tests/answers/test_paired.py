@@ -236,7 +236,7 @@ def test_a_group_is_worse_only_if_its_pairs_prove_it():
     )
 
 
-KINDS = "from rest, sudden start", "from rest, growth over 10 periods"
+KINDS = "sudden start from rest", "growth over 10 periods"
 
 
 def test_harm_after_sudden_starts_is_reported_despite_a_lower_mean():

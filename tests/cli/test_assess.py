@@ -24,7 +24,7 @@ def test_assess_prints_uplift_and_sliding_before_the_outcome(motion, first, tmp_
     names = [line.split()[0] for line in header.splitlines() if not line.startswith(" " * 10)]
     assert names == ["block", "excitation", "losses", "uplift", "sliding"]
     assert answer.startswith(first)
-    measures = "Each of these measures prevents uplift without a pendulum: a tie"
+    measures = "Each of these measures prevents uplift without a pendulum: at "
     assert (measures in answer) is first.startswith("Stated")
     assert max(map(len, answer.splitlines())) <= 100
 

@@ -45,7 +45,7 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
         rest = ["at rest at the end"] if runs.cluster is None else []
         if runs.cluster is None:
             assert [name for name, _ in parts] == [
-                "sudden start",
+                "sudden start from rest",
                 "growth over 10 periods",
                 "after a disturbance",
             ]

@@ -18,7 +18,7 @@ MANY = tuple(
 
 
 @pytest.mark.parametrize("kind", [*DESIGNS, "many reasons"])
-def test_the_printed_answer_has_at_most_25_lines(kind):
+def test_the_terminal_shows_at_most_25_lines_and_only_whole_rows(kind):
     design = against(*MANY) if kind == "many reasons" else DESIGNS[kind]()
     about = Details() if kind == "many reasons" else details(kind)
     said = answer(design, about, Path("a folder")).splitlines()

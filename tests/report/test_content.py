@@ -20,7 +20,7 @@ def section(report, title):
     return found.blocks
 
 
-def test_the_first_screen_has_verdict_dangers_and_the_groups_of_the_answer():
+def test_the_first_screen_has_verdict_dangers_and_groups():
     report = content(with_job(harmonic(), project={"name": "Tower"}), details(), date="2026-11-23")
     assert report.summary.verdict.severity is Severity.note
     assert {n.severity for n in report.summary.dangers} == {Severity.danger}

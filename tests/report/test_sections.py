@@ -24,7 +24,7 @@ def test_validation_runs_are_listed_with_intervals():
     assert rows(table)["overturned, all runs"] == tuple(
         str(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
     )
-    kinds = ["from rest, sudden start", "from rest, growth over 10 periods", "after a disturbance"]
+    kinds = ["sudden start from rest", "growth over 10 periods", "after a disturbance"]
     assert {f"overturned, {kind}" for kind in kinds} <= rows(table).keys()
     assert chance.text == runs.overturning_in_words
     assert [row[0] for row in by_group.rows] == [*runs.labels, *kinds]

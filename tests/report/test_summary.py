@@ -14,8 +14,8 @@ from tpd.design.assess import alternatives
 from tpd.design.reasons import reduction
 from tpd.design.variations import EquivalentWidening
 from tpd.report.answer import answer
-from tpd.report.summary import at_levels, depends_on, if_a_part_fails, rows_of, summary, verdict
-from tpd.report.words import comparison, percent, wider
+from tpd.report.summary import at_levels, depends_on, if_a_part_fails, overview, rows_of, summary, verdict
+from tpd.report.words import percent, wider
 
 
 def test_the_verdict_states_the_benefit_of_the_validation_runs():
@@ -69,7 +69,6 @@ def test_the_verdict_distinguishes_corrected_from_uncorrected_intervals():
         "interval). The intervals allow for the fact that these runs also decided"
     )
     assert "allow" not in reduction(alone, "tilt")
-    assert comparison(runs).caption.endswith(" The differences do not allow for the decision.")
     less = f"{100 * quoted.low:.0f} to {100 * quoted.high:.0f} % less tilt (95 % interval, which allows for"
     assert runs.benefit_in_words.startswith(less)
 
@@ -113,20 +112,20 @@ def test_the_verdict_begins_with_overturning_if_it_occurs_in_one_per_cent_of_the
     assert reduction(runs, runs.first_measure).startswith(first)
 
 
-def test_the_comparison_table_has_the_runs_and_shares_of_the_verdict():
-    for design in (harmonic(), ground()):
-        runs, table = design.runs, comparison(design.runs)
-        assert table.caption.startswith(f"Validation: {runs.description}. Tilts: ")
-        row = next(row for row in table.rows if row[0] == "overturned")
-        fell = runs.change("overturned")
-        assert row[1:3] == tuple(percent(x, 1) for x in (fell.with_pendulum, fell.without_pendulum))
-        # The points are the difference of the columns.
-        if np.isfinite(fell.low):
-            assert float(row[3].split()[0]) == pytest.approx(
-                float(row[1][:-2]) - float(row[2][:-2]), abs=0.11
-            )
+def test_the_overview_has_all_runs_and_each_start():
+    runs, table = harmonic().runs, overview(harmonic(), harmonic().runs)
+    assert table.caption.startswith(runs.description)
+    fell = runs.change("overturned")
+    row = next(row for row in table.rows if row[0] == "runs that overturn")
+    assert row[1:3] == (percent(fell.without_pendulum, 1), percent(fell.with_pendulum, 1))
+    less = runs.overturning_reduction
+    assert row[3].startswith(f"{100 * less.mean:.0f} % fewer (95 % interval {100 * less.low:.0f} to ")
+    starts = {row[0].strip(): row[1:3] for row in table.rows if row[0].startswith("  ")}
+    for kind, rows in runs.with_pendulum.starts.items():
+        cases = runs.without_pendulum.of(rows), runs.with_pendulum.of(rows)
+        assert starts[kind] == tuple(percent(case.share_overturned.value, 1) for case in cases)
     same = replace(harmonic().runs, with_pendulum=harmonic().runs.without_pendulum)
-    assert "-0" not in str(comparison(same).rows)
+    assert "-0" not in str(overview(harmonic(), same).rows)
 
 
 def test_the_summary_describes_the_pendulum_as_built():

@@ -273,7 +273,7 @@ DISTURBED = "after a disturbance"
 
 def label_of_growth(periods: float) -> str:
     """Return a label for the runs from rest in which the excitation grows over some periods."""
-    return "from rest, sudden start" if periods == 0.0 else f"from rest, growth over {periods:g} periods"
+    return "sudden start from rest" if periods == 0.0 else f"growth over {periods:g} periods"
 
 
 def follow_runs(

@@ -403,12 +403,12 @@ class Problem(ABC):
         """Return the parts of paired runs that are compared: each kind of start, or up to `most` ranges of
         levels. A part has a name and whether each run belongs to it; there are none for a single part."""
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
-        parts = [(kind.removeprefix("from rest, "), rows) for kind, rows in runs.with_pendulum.starts.items()]
+        parts = list(runs.with_pendulum.starts.items())
         if names := list(self.levels):
             each = np.array(list(self.levels.values()))
             ranges = np.array_split(np.arange(len(names)), min(len(names), most))
-            ends = [(names[i[0]], names[i[-1]]) for i in ranges]
-            words = [low if low == high else f"{low.partition(' ')[0]} to {high}" for low, high in ends]
+            ends = [(i[0], i[-1]) for i in ranges]
+            words = [names[a] if a == b else f"levels {a + 1} to {b + 1} of {len(names)}" for a, b in ends]
             parts = [(name, each[i].any(axis=0)) for name, i in zip(words, ranges, strict=True)]
         return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
 

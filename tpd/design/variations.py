@@ -280,11 +280,11 @@ def _failures(problem: Problem, best: Validation) -> Iterator[Variation]:
     if not measure_of(best) or best.runs is None:
         return
     stuck = problem.scene.block.carrying(best.pendulum)
-    words = "hinge stuck: the bob is a part of the block"
+    words = "hinge stuck"
     yield Variation("failure", "hinge", words=words, scene=replace(problem.scene, block=stuck))
     if (zeta := float(best.pendulum.damping_ratio)) > _NO_DAMPER:
         none = Conditions({"damping": np.array([_NO_DAMPER / zeta])})
-        words = f"damper lost: damping ratio {_NO_DAMPER:g}"
+        words = f"damper lost ({_NO_DAMPER:g})"
         yield Variation("failure", "damper", words=words, more=none)
 
 

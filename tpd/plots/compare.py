@@ -26,8 +26,6 @@ from tpd.plots.style import (
     own_style,
 )
 
-_MOST = 24
-"""Largest number of groups of runs with a row of their own. They are chosen evenly from all groups."""
 _SHOWN = {"overturned": "overturned", "mean tilt": "tilt, mean", "at rest": "at rest at the end"}
 """Labels of the changes over all runs, by their names."""
 _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
@@ -41,7 +39,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     Above a line: share of all counted runs that overturn, mean tilt over nu, and share that ends at rest. A
     wide bar is the 95 % interval of the difference. Under ground motions the row on rest is drawn only if a
     run ends at rest. Below the line: shares that overturn for each kind of start, or for each level, with
-    their own 95 % intervals. If no run overturns: mean tilts for each condition or group.
+    their own 95 % intervals, if a run overturns.
 
     Args:
         design: the answer of `optimise`.
@@ -101,25 +99,11 @@ def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, floa
         if name != "at rest" or runs.cluster is None or (with_pendulum, without) != (0.0, 0.0):
             rows.append((label, without, with_pendulum, low, high))
     above = len(rows)
-    if parts := _overturning(design, runs):
+    for name, of in _overturning(design, runs):
         cases = runs.without_pendulum, runs.with_pendulum
-        for name, of in parts:
-            shares = (float(np.mean(case.is_overturned[of])) for case in cases)
-            rows.append((f"overturned, {name}", *shares, np.nan, np.nan))
-        return rows, above
-    # The conditions or groups come first in `runs.parts`, and the kinds of start last.
-    has_runs = np.array([np.isfinite(part.with_pendulum) for part in runs.parts])
-    starts = np.flatnonzero(has_runs[len(runs.labels) :]) + len(runs.labels)
-    shown = np.flatnonzero(has_runs[: len(runs.labels)])
-    if runs.cluster is None:
-        # Sort by frequency, and by amplitude at equal frequencies.
-        columns = [design.conditions.column(name)[shown] for name in ("amplitude", "frequency")]
-        shown = shown[np.lexsort(columns)]
-    chosen = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), _MOST)).astype(int))]
-    # A single condition is left out, because its row would repeat the row of all runs.
-    parts = [runs.parts[i] for i in (*(chosen if len(runs.labels) > 1 else ()), *starts)]
-    by_part = [(f"tilt, {p.label}", p.without_pendulum, p.with_pendulum, np.nan, np.nan) for p in parts]
-    return rows + by_part, above
+        shares = (float(np.mean(case.is_overturned[of])) for case in cases)
+        rows.append((f"overturned, {name}", *shares, np.nan, np.nan))
+    return rows, above
 
 
 @own_style()

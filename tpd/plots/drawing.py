@@ -200,8 +200,8 @@ def plot_scene(
             c = 0.5 * frame
             ax.plot([-c, -c, c, c], [height, hinge, hinge, height], color=INK, lw=1.4)
             ax.plot([-max(c, half), max(c, half)], [height, height], color=INK, lw=1.4)
-            left = c - wide - 0.35 * inch
-            _dimension(ax, (-c, height), (-c, hinge), left, f"{number(hinge - height)} m", scale)
+            beside = c - wide - 0.35 * inch
+            _dimension(ax, (-c, height), (-c, hinge), beside, f"{number(hinge - height)} m", scale)
         else:
             # A hinge above the block is on a mast.
             ax.plot([0.0, 0.0], [min(height, hinge), hinge], color=INK, lw=1.4)

@@ -158,7 +158,7 @@ class Summary(Struct, frozen=True):
     table: Table | None
     """Runs that overturn without and with the pendulum; None if there are no runs."""
     groups: tuple[Group, ...]
-    """What to compare, to build, and to know, in this order."""
+    """Rows under a title: what to compare, to build, and to know, in this order."""
     commands: tuple[Row, ...] = ()
     """Further questions with commands, and the files of the report."""
 

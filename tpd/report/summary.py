@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from tpd.answers.paired import Change, PairedRuns
-from tpd.core.formatting import number, pair_of, per_cent, percent
+from tpd.core.formatting import number, pair_of, per_cent, percent, unanswered
 from tpd.design.alternatives import alternatives
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, DesignStatus
 from tpd.design.variations import WIDENING
-from tpd.limits import LABELS, MEASURED, Clearance, limit_of
+from tpd.limits import LABELS, MEASURED, Clearance
 from tpd.report import words
 from tpd.report.blocks import Cell, Group, Note, Row, Summary, Table, danger, note
 from tpd.report.notes import notes
@@ -46,7 +46,7 @@ def summary(design: Design, details: Details, directory: Path | None = None) -> 
         "What would change it": _refused(design),
         "Compare first": _compared(design, details),
         "Build": _pendulum(design, details),
-        "": _known(design, details),
+        "": _facts(design, details),
     }
     rows = {title: tuple(row for row in every if row[1]) for title, every in groups.items()}
     return Summary(
@@ -80,8 +80,8 @@ def overview(design: Design, runs: PairedRuns) -> Table:
     every = runs.change("overturned")
     falls = every.without_pendulum > 0.0 or every.with_pendulum > 0.0
     if falls:
-        said = "more" if every.with_pendulum > every.without_pendulum else "fewer"
-        rows.append(("runs that overturn", *_shares(every, 1), _reduced(runs, "overturning", said)))
+        way = "more" if every.with_pendulum > every.without_pendulum else "fewer"
+        rows.append(("runs that overturn", *_shares(every, 1), _reduced(runs, "overturning", way)))
         rows += _by_part(design.problem, runs)
     name = "median tilt" if falls and design.best and design.best.measure != "tilt" else "mean tilt"
     tilt, remark = runs.change(name), ""
@@ -91,21 +91,21 @@ def overview(design: Design, runs: PairedRuns) -> Table:
     elif abs(tilt.with_pendulum - tilt.without_pendulum) < _ALIKE:
         remark = "alike in runs that do not overturn"
     rows.append((f"{name} / toppling tilt", *_shares(tilt, 0), remark))
-    caption = "In the mean, a run that overturns counts as 100 %." if name == "mean tilt" and falls else ""
-    return Table(("", "without", "with pendulum", ""), tuple(rows), caption)
+    caption = f"{runs.description}. In a mean, a run that overturns counts as 100 %."
+    return Table(("", "without", "with pendulum", ""), tuple(rows), caption + unanswered(runs.undecided))
 
 
 def _shares(x: Change, digits: int) -> tuple[str, str]:
     return percent(x.without_pendulum, digits), percent(x.with_pendulum, digits)
 
 
-def _reduced(runs: PairedRuns, measure: str, said: str) -> str:
+def _reduced(runs: PairedRuns, measure: str, way: str) -> str:
     """Return the reduction of a measure with its interval, in a few words; empty if it is unknown."""
     size, significant = runs.reduction(measure)
     if math.isnan(size.mean):
         return ""
     less, by, around = size.fall_in_words()
-    return f"{by} {said}{around}{'' if significant or not less else ', not significant'}"
+    return f"{by} {way}{around}{'' if significant or not less else ', not significant'}"
 
 
 def _by_part(problem: Problem, runs: PairedRuns) -> Iterator[tuple[Cell, ...]]:
@@ -136,7 +136,7 @@ def _refused(design: Design) -> Iterator[Row]:
         yield "limits", active_limits(design)
 
 
-def _known(design: Design, details: Details) -> Iterator[Row]:
+def _facts(design: Design, details: Details) -> Iterator[Row]:
     """Yield what the benefit depends on, and what the runs leave out."""
     if design.runs is not None:
         yield "annual rate", ". ".join(design.problem.yearly(design.runs.annual_rates)[:1])
@@ -159,10 +159,7 @@ def rows_of(design: Design, details: Details) -> Iterator[Row]:
     if design.runs is not None and design.best is not None:
         yield "required", required(design)
         yield "benefit", design.result
-        starts = "from rest" if design.problem.has_earthquakes else by_start(design.runs)
-        yield "starts", f"{starts}; {design.problem.duration_in_words}"
-        if not math.isnan(design.best.over_limit):
-            yield _clearance(design, design.best.over_limit)
+        yield "runs", f"{design.problem.starts_in_words}; {design.problem.duration_in_words}"
         yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates))
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     yield from (("reason", text) for text in design.status.other(design.refusals))
@@ -204,42 +201,25 @@ def depends_on(details: Details, alike: str = "") -> str:
     runs; empty without any."""
     rows = [(x, of.words) for of in details.of("quantity", "losses", "width") if (x := of.difference)]
     smaller = sorted((x.mean, of) for x, of in rows if x.high < 0.0)
-    said = [f"little on the mass ({alike} are as good)"] if alike else []
-    less = [f"{of.partition(' (')[0]}: {per_cent(-mean)} points less" for mean, of in smaller[:_LARGEST]]
-    said += less
+    parts = [f"little on the mass ({alike} are as good)"] if alike else []
+    parts += [f"{of}: {per_cent(-mean)} points less" for mean, of in smaller[:_LARGEST]]
     if rows and not smaller:
-        said.append("nothing varied reduces the benefit significantly")
-    return "; ".join(said)
+        parts.append("nothing varied reduces the benefit significantly")
+    return "; ".join(parts)
 
 
 def if_a_part_fails(details: Details) -> str:
     """Return the runs that overturn, or the mean tilt, if a part fails; empty without a pendulum."""
-    failures, said = details.of("failure"), []
+    failures, parts = details.of("failure"), list[str]()
     if not failures:
         return ""
     name = "mean tilt" if failures[0].measure == "tilt" else "overturned"
     for of in failures:
         x = of.runs.change(name)
         kind = "more" if x.low > 0.0 else "fewer" if x.high < 0.0 else "no significant difference"
-        said.append(f"{of.words.partition(':')[0]}, {percent(x.with_pendulum, 1)} ({kind})")
+        parts.append(f"{of.words}, {percent(x.with_pendulum, 1)} ({kind})")
     without = percent(failures[0].runs.change(name).without_pendulum, 1)
-    return f"{name}: {'; '.join(said)}; without a pendulum {without}"
-
-
-def by_start(runs: PairedRuns) -> str:
-    """Return the shares of the runs that overturn after each kind of start, with and without the pendulum.
-
-    If no run overturns, the text has the mean tilts.
-    """
-    cases, name = (runs.with_pendulum, runs.without_pendulum), "overturned"
-    if not any(case.is_overturned.any() for case in cases):
-        name = "mean tilt"
-    shares = []
-    for kind, rows in cases[0].starts.items():
-        values = (case.severity if name == "mean tilt" else case.is_overturned for case in cases)
-        pendulum, without = (percent(float(np.nanmean(x[rows & runs.is_answered])), 1) for x in values)
-        shares.append(f"{kind} {pendulum} ({without})")
-    return f"{name} with the pendulum (without it): {'; '.join(shares)}"
+    return f"{name}: {'; '.join(parts)}; without a pendulum {without}"
 
 
 def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
@@ -279,26 +259,12 @@ def _pendulum(design: Design, details: Details) -> Iterator[Row]:
     zeta = number(float(pendulum.damping_ratio), 3)
     breaks = f"breakaway moment at most {number(build.breakaway, 2)} N m"
     yield "hinge", f"damper {number(build.damping, 3)} N m s/rad (damping ratio {zeta}); {breaks}"
+    # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.
     if design.best is not None and not math.isnan(design.best.over_limit):
         allowed, used = percent(design.problem.allowed, 1), design.usage.get(Clearance.name, math.nan)
         share = percent(design.best.over_limit, 1)
         wall = "" if math.isnan(used) else f"{pair_of(used, 1.0, 0, percent)[0]} of the way to the wall; "
         yield "limits", f"{wall}exceeded in {share} of surviving runs ({allowed} allowed)"
-
-
-def _clearance(design: Design, over_limit: float) -> tuple[str, str]:
-    """Return a row on how often the runs exceed a limit, and how near to the wall the bob comes."""
-    allowed = design.problem.allowed
-    text = words.exceeding(over_limit, allowed)
-    # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.
-    if limit_of(design.problem.limits, Clearance) is None:
-        return "runs", text
-    if not math.isnan(used := design.usage[Clearance.name]):
-        wall = number(0.5 * float(design.scene.block.clear_width))
-        share = pair_of(used, 1.0, 0, percent)[0]
-        text += f"; in {percent(1.0 - allowed)} of these runs the bob uses at most {share} of the distance "
-        text += f"between axis and wall, {wall} m as stated"
-    return "clearance", text
 
 
 def active_limits(design: Design) -> str:

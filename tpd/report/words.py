@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import number, pair_of, per_cent, percent, unanswered, with_and_without
+from tpd.core.formatting import number, pair_of, per_cent, percent, with_and_without
 from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, TOP, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
-from tpd.report.blocks import NO_VALUE, Table
+from tpd.report.blocks import NO_VALUE
 from tpd.scene.bob import THICKEST
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.quantities import UNITS
@@ -20,22 +20,13 @@ from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_sce
 
 if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
-    from tpd.answers.paired import PairedRuns, Part
+    from tpd.answers.paired import Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
     from tpd.design.first_guess import FirstGuess
     from tpd.design.problem import Problem
     from tpd.design.variations import EquivalentWidening
 
-_CHANGES = {
-    "mean tilt": ("mean tilt", 0),
-    "median tilt": ("median tilt", 0),
-    "overturned": ("overturned", 1),
-    "at rest": ("at rest at the end", 1),
-}
-"""Labels of the rows in the comparison with and without the pendulum, by the names of the changes, with the
-digits after the decimal point. Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be
-smaller than 1 %."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -185,24 +176,6 @@ def overturned_between(responses: Sequence[Response], low: float, high: float) -
     unit = UNITS.get(responses[0].name, "")
     between = f"{low:.3g} and {high:.3g} {unit}".rstrip()
     return f"share of the runs from rest between {between} that overturn: {', '.join(shares)}"
-
-
-def comparison(runs: PairedRuns) -> Table:
-    """Return a table of the results with and without the pendulum, from one set of runs."""
-    rows = []
-    for c in runs.changes:
-        # The row on rest is left out if no run ends at rest in either case.
-        if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
-            continue
-        label, digits = _CHANGES[c.name]
-        shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
-        rows.append((label, *shares, points(c.difference, c.low, c.high, digits)))
-    # A run that overturns has no largest tilt, but counts in the mean.
-    tilts = "Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
-    caption = f"Validation: {runs.description}. {tilts}"
-    caption += " The differences do not allow for the decision." if runs.passed else ""
-    head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
-    return Table(head, tuple(rows), caption + unanswered(runs.undecided))
 
 
 def points(mean: float, low: float, high: float, digits: int = 0) -> str:
