@@ -4,7 +4,7 @@ The public names are listed in `__init__.pyi` and imported on first use, so that
 for JAX.
 
 The table lists the equations of the paper (Collini et al. 2016) and the functions that compute them.
-Misprinted equations are corrected, see `tpd.theory.paper`. `tests/test_equation_table.py` compares each
+Misprinted equations are corrected (page "Errata" of the guide). `tests/test_equation_table.py` compares each
 function with its equation.
 
 A folder imports only from the folders before it in this list: core, formats, cluster, scene, records, theory,

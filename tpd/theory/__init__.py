@@ -8,7 +8,6 @@
 | losses at impacts as friction, free decay | `free_rocking` | `equivalent_friction`, `turning_tilts` |
 | (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic`, `fold` and three more |
 | not in the paper, a pendulum slower than the excitation | `relative_length` | `relative_length` |
-| (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 
 from tpd.theory.arc import arc, holding_moment, impact

@@ -1,41 +1,4 @@
-"""Formulas of the paper as printed, including their misprints, for comparison only; and the errata.
-
-L. Collini, R. Garziera, K. Riabova, M. Munitsyna, A. Tasora, *Oscillations Control of Rocking-Block-Type
-Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, article 8570538. No other module of
-the package uses these formulas. The corrected equations are (4) and (25) in `tpd.theory.equations`, (11) in
-`tpd.theory.free_rocking`, and (23) and (27) in `tpd.theory.harmonic_balance`. The exact orbits of
-`tpd.answers.symmetric_orbits` replace (16) to (19). The last column names the test in
-`tests/theory/test_paper.py` that proves the correction.
-
-| where | printed | right | test |
-|---|---|---|---|
-| (3), T_m | vertical part r1 phi' cos(±phi + theta_1) | ± r1 phi' cos(±phi + theta_1) | `test_3_...` |
-| after (3), (6) | J about the axis of rotation, c = J/M | J about the centroid, c^2 = J/M | `test_6_...` |
-| (11) | cosh^-1(pi / 2 Omega_0) | 1 / cosh(pi / 2 Omega_0) | `test_11_...` |
-| (13) | f nu sin phi without a sign | ± f nu sin phi | `test_13_...` |
-| (20) | parametric term and forcing of opposite signs | of the same | `test_20_...` |
-| (18) | f / (1 + mu^2) | f / (1 + xi^2) | `test_18_...` |
-| (19), sin gamma | k (1 + xi^2) tanh / f | -k (1 + xi^2) tanh / (xi f) | `test_19_lacks_...` |
-| (19) | exact | overdetermined unless k = 0 | `test_19_has_...` |
-| (24), 3rd line | integral of sgn(sin) sin is -4 | +4 | `test_24_...` |
-| (24), last line | integral of sgn(cos) sin^2 is 4/3 | of sgn(cos) cos sin^2 | `test_24_...` |
-| (24) | values of integrals over tau | over omega tau | `test_24_...` |
-| (25), row 1 | ±(1 + mu) nu rho | ±(1 + mu) nu phi | `test_25_row_1_...` |
-| (25), row 2 | + f sin(xi tau) | - f sin(xi tau) | `test_25_row_2_...` |
-| (25), (26) | forcing sine, motion cosine, hence out of phase | both cosine | `test_26_...` |
-| after (25) | rho = b^2/J | b^2/(a^2 + b^2 + c^2) | `test_25_rho_...` |
-| (27) | (1 + mu rho) xi^2 | [1 + mu rho (4 + nu^2)] xi^2 | `test_27_...` |
-| (27) | f (1 + mu) on the right | f (1 + 2 mu) | `test_27_...` |
-| (27) | (8/3) nu f (1 + mu) | (8 / 3 pi) nu f (1 + mu) | `test_27_...` |
-| (27) | Phi and f of (26) and (25) | -Phi and -f in both rows | `test_27_...` |
-| (25), Table 1 | lambda = l/b in (25), l/2b in Table 1 | l/b everywhere here | `test_table_1_...` |
-| Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
-
-(23) is correct as printed, although it does not follow from (20): it belongs to the equation with corrected
-signs (`test_23_...`). (4) is correct for phi > 0 and phi < 0 (`tests/theory/test_equations.py`).
-
-Notation: nu, mu, lam, rho, k, f, xi as in `Parameters`; angles in rad.
-"""
+"""Formulas of the paper as printed, including their misprints; notation as in `tpd.Parameters`."""
 
 from __future__ import annotations
 
