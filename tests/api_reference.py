@@ -91,7 +91,7 @@ GROUPS = {
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
     ),
     "Design a pendulum": (
-        "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front "
+        "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch "
         "optimise_all Job details read_design"
     ),
     "Show a result": "plot explore write_report",

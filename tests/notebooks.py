@@ -40,7 +40,7 @@ def make_small() -> None:
     """Let the functions that notebooks call search little, on exact gradients, and follow few records."""
     import tpd
 
-    at_full, front_of, records_of = tpd.optimise, tpd.front, tpd.records.fema_p695
+    at_full, records_of = tpd.optimise, tpd.records.fema_p695
 
     @wraps(at_full)
     def optimise(scene, *args, **others):
@@ -64,7 +64,6 @@ def make_small() -> None:
         return at_full(scene, *args, **others | {"method": method, "ensemble": ensemble})
 
     tpd.optimise = optimise
-    tpd.front = lambda design, lighter: front_of(design, lighter[:1])
     tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
     for module, sizes in SMALL.items():
         home = import_module(module)

@@ -29,7 +29,6 @@ from .design.as_built import details as details
 from .design.assess import assess as assess
 from .design.design import Design as Design
 from .design.job import Job as Job
-from .design.optimise import front as front
 from .design.optimise import optimise as optimise
 from .design.optimise import optimise_all as optimise_all
 from .design.risk import Risk as Risk

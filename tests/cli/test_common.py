@@ -71,7 +71,6 @@ optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same quantity: gi
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
-optimise --pendulum-mass 1 --pareto | `search.pareto` requires two bounds for the mass, `space.mass` or
 optimise --cavity 0.1 | [block] `cavity_width` must be less than the width of the block, 0.1 m, because
 optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no s
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'

@@ -17,7 +17,6 @@ from tpd.cli import optimise
 from tpd.cli.grammar import TEMPLATES
 from tpd.cli.new import template
 from tpd.design import job as jobs
-from tpd.design.design import FrontPoint
 from tpd.design.reasons import DesignStatus
 from tpd.records.read import facts
 
@@ -51,7 +50,7 @@ def run_with(monkeypatch, tmp_path):
         monkeypatch.setattr(optimise, "solve_problem", search)
         monkeypatch.setattr("tpd.plots.results.draw", lambda *_: b"<svg/>")
         shown = replace(details(), histories=())
-        monkeypatch.setattr(optimise, "details", lambda *_, front, **__: replace(shown, front=front))
+        monkeypatch.setattr(optimise, "details", lambda *_, **__: shown)
         return call("optimise", *words, out=Path("out")), inputs
 
     return run
@@ -109,15 +108,6 @@ def test_quiet_prints_the_verdict_and_verbose_all_rows(run_with):
     done, _ = run_with(rejected())
     assert done.status == 2
     assert "already contains files" in done.err
-
-
-def test_a_front_is_computed_for_a_recommended_design(run_with, monkeypatch):
-    points = (FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),)
-    monkeypatch.setattr(optimise, "front", lambda *_, **__: points)
-    done, _ = run_with(harmonic(), "--pareto")
-    assert "front.svg" in done.files
-    done, _ = run_with(rejected(), "--pareto --overwrite")
-    assert "Lighter pendulums" not in done.files["report.html"].read_text()
 
 
 @pytest.fixture(scope="module")

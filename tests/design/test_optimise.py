@@ -2,7 +2,6 @@
 mass against benefit, and many blocks."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -10,12 +9,10 @@ import pytest
 import tpd
 from tests import designs
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes
-from tpd.core.formatting import number
-from tpd.design import optimise as module
-from tpd.design.design import Design, FrontPoint
+from tpd.design.design import Design
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.job import job_of
-from tpd.design.optimise import Front, problem_of, solve_problem
+from tpd.design.optimise import problem_of, solve_problem
 from tpd.design.reasons import DesignStatus, ReasonKind
 
 CALM = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.001, frequency=2.5))
@@ -202,66 +199,6 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
 def test_a_problem_without_a_known_excitation_is_rejected(scene, settings, message):
     with pytest.raises(ValueError, match=message):
         tpd.optimise(scene, **({"conditions": designs.GROUND["conditions"]} | settings))
-
-
-@pytest.mark.parametrize("name", ["harmonic", "ground"])
-def test_every_point_of_a_front_limits_the_mass_of_the_bob(name, request, rejected, monkeypatch):
-    design, asked, events = request.getfixturevalue(name), [], []
-    monkeypatch.setattr(module, "optimise", lambda **given: asked.append(given) or rejected)
-    lighter, last = tpd.front(design, (0.06,), progress=lambda *event: events.append(event))
-    mass = float(design.scene.block.mass)
-    assert events == [("front", 0, 1)]
-    assert [lighter.most, last.most] == pytest.approx([0.06 * mass, 0.2 * mass])
-    assert (last.status, last.pendulum) == (design.status.name, design.pendulum)
-    assert last.benefit[0] == design.benefit.mean
-    assert (lighter.status, lighter.pendulum) == ("not_recommended", None)
-    assert np.isnan(lighter.benefit[0])
-    (given,) = asked
-    space = given.pop("space")
-    assert space == dataclasses.replace(design.space, mass_ratio=(0.01, 0.06))
-    assert given.keys() == design.again().keys() - {"space"}
-    assert all(given[key] is design.problem.inputs[key] for key in ("scene", "conditions", "limits"))
-    for most in ((0.06, 0.03), (0.3,), (0.01,)):
-        with pytest.raises(ValueError, match=r"`most` must be increasing mass ratios between 0\.01 and 0\.2"):
-            tpd.front(design, most)
-
-
-def front_of(harmonic, rejected, monkeypatch, *gains: tuple[float, float] | None) -> Front:
-    """The front for the mass of the bob (kg) and the reduction of each design; None is not recommended."""
-    designs = []
-    for gain in gains:
-        if gain is None:
-            designs.append(rejected)
-            continue
-        pendulum = dataclasses.replace(harmonic.pendulum, mass=gain[0])
-        point = FrontPoint(math.nan, "recommended", pendulum, (gain[1], gain[1] - 0.1, gain[1] + 0.1))
-        designs.append(point)
-    made, of = iter(designs), module._point
-
-    def point(most, found):
-        return found._replace(most=most) if isinstance(found, FrontPoint) else of(most, found)
-
-    monkeypatch.setattr(module, "optimise", lambda **_: next(made))
-    monkeypatch.setattr(module, "_point", point)
-    front = tpd.front(harmonic, np.linspace(0.05, 0.15, len(gains)).tolist())
-    monkeypatch.setattr(module, "_point", of)
-    return front
-
-
-def test_no_point_of_a_front_is_dominated_by_another(harmonic, rejected, monkeypatch):
-    own, gain = float(harmonic.pendulum.mass), harmonic.benefit.mean
-    found = front_of(harmonic, rejected, monkeypatch, None, (0.2 * own, 0.3 * gain), (0.3 * own, 0.2 * gain))
-    assert [p.pendulum and p.pendulum.mass / own for p in found] == [None, pytest.approx(0.2), 1.0]
-    assert [line.count("–") for line in repr(found).splitlines()] == [0, 5, 0, 0]
-    assert number(30.0 * gain, 3) in repr(found).splitlines()[2]
-    fixed = dataclasses.replace(harmonic.problem, space=tpd.DesignSpace(mass_ratio=0.1))
-    with pytest.raises(ValueError, match="`design` has a bob of fixed mass"):
-        tpd.front(dataclasses.replace(harmonic, problem=fixed))
-    # Equal points are both kept, and the design itself is left out if a lighter bob is better.
-    found = front_of(harmonic, rejected, monkeypatch, (0.2 * own, 1.1 * gain), (0.2 * own, 1.1 * gain), None)
-    assert [p.pendulum and p.pendulum.mass / own for p in found] == [pytest.approx(0.2)] * 2 + [None]
-    found = front_of(harmonic, rejected, monkeypatch, (own, 0.9 * gain), (0.5 * own, 1.0 * gain))
-    assert [p.pendulum.mass / own for p in found] == [pytest.approx(0.5)]
 
 
 def test_every_design_has_the_fixed_length(harmonic):

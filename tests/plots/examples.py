@@ -5,18 +5,9 @@ import numpy as np
 import tpd
 from tpd.answers.response import Response
 from tpd.design.as_built import TimeHistory
-from tpd.design.optimise import Front, FrontPoint
 
 SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
-FRONT = Front(
-    (
-        FrontPoint(0.8112, "not_recommended", None, (np.nan,) * 3),
-        FrontPoint(1.2, "recommended", PENDULUM, (0.2, 0.1, 0.3)),
-        FrontPoint(1.6224, "recommended", PENDULUM, (0.5, 0.4, 0.6)),
-    )
-)
-"""No pendulum is recommended with the lightest bob; the last point is the design."""
 SMALL = {
     "space": tpd.DesignSpace(damping_ratio=0.1),
     "limits": tpd.limits.POINT_BOB,

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.plots.examples import FRONT
-from tests.plots.shown import legend, lines
-from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
-from tpd.plots.style import new_axes
+from tests.plots.shown import lines
+from tpd.plots.compare import plot_benefit, plot_conditions
 
 
 def test_conditions_are_drawn_in_order_and_in_si_units(band):
@@ -53,14 +51,3 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
         assert ax.lines[-1].get_ydata() == [len(rest) + 1.5] * 2
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
         plot_benefit(dataclasses.replace(band, validated=()))
-
-
-def test_the_plot_of_a_front_shows_every_design_and_the_rejected_masses():
-    ax = plot_front(FRONT)
-    assert legend(ax) == {"recommended", "largest reduction", "none recommended up to this mass"}
-    assert ax.get_ylim()[0] == 0.0
-    assert lines(ax)["largest reduction"].get_xydata().tolist() == [[1.6224, 50.0]]
-    assert lines(ax)["none recommended up to this mass"].get_xydata().tolist() == [[0.8112, 0.0]]
-    own = new_axes()
-    assert plot_front(FRONT, own) is own
-    assert tpd.plot(FRONT).get_xlabel() == "mass of the bob (kg)"

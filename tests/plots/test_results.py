@@ -38,7 +38,7 @@ def test_plot_of_every_result_accepts_what_and_ax(design_map, single):
 
 def test_an_invalid_argument_of_plot_is_rejected_in_one_sentence(design_map, single):
     for result, how, message in (
-        (3, {}, r"`result` must have a picture \(Design, Front, .*, RockingSpectrum, Record\), but is 3"),
+        (3, {}, r"`result` must have a picture \(Design, .*, RockingSpectrum, Record\), but is 3"),
         (tpd.Design, {}, "`result` must have a picture"),
         (single, {"what": "groups"}, "`what` must be one of landscape, drawing, benefit"),
         (single, {"state": "half"}, "`state` does not apply to a Design: allowed are what, ax"),

@@ -1,15 +1,11 @@
 """The whole report as data: one family for both kinds of excitation."""
 
-import dataclasses
-import math
-
 import pytest
 
 from tests.report.conftest import DESIGNS, details, ground, harmonic, with_job
 from tpd.design.as_built import Details
-from tpd.design.design import FrontPoint
 from tpd.design.job import Job
-from tpd.report.blocks import Code, Figure, Severity, Table
+from tpd.report.blocks import Code, Figure, Severity
 from tpd.report.content import content, figures
 
 REPEAT = "Appendix: how to repeat the search"
@@ -49,7 +45,6 @@ def test_hypotheses_state_the_intensity_once_and_define_surviving_runs():
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_have_a_fixed_order_and_empty_sections_are_omitted(kind):
     order = ["Build it", "Conditions, limits and friction", "Notes", "Hypotheses", "Document and scope"]
-    order += ["Lighter pendulums"]
     order += ["Validation runs", "Depends on", "What limits the design", "Nearby frequencies"]
     order += ["Motion from rest", "Settled motion"]
     order += [
@@ -63,20 +58,6 @@ def test_sections_have_a_fixed_order_and_empty_sections_are_omitted(kind):
     assert ("Settled motion" in titles) is (kind in ("harmonic", "rejected"))
     drawn = [b.name for s in report.sections for b in s.blocks if isinstance(b, Figure)]
     assert sorted(drawn + [f.name for f in report.figures]) == sorted(figures(DESIGNS[kind](), details(kind)))
-
-
-def test_the_front_has_a_row_for_every_mass():
-    points = (
-        FrontPoint(2.0, "none_feasible", None, (math.nan,) * 3),
-        FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),
-    )
-    (figure, table) = section(
-        content(harmonic(), dataclasses.replace(details(), front=points)), "Lighter pendulums"
-    )
-    assert isinstance(figure, Figure)
-    assert isinstance(table, Table)
-    assert table.rows[0] == ("2 kg", "none feasible", None)
-    assert (table.rows[1][0], table.rows[1][2]) == ("5 kg", "30 % (20 to 40 %)")
 
 
 def test_the_last_section_has_the_command_that_repeats_the_search(tmp_path):

@@ -66,7 +66,7 @@ CONDITIONS = (
 SEARCH = (
     *_options("search", "optimiser searches designs steps"),
     *_options("requirements", "at_least reduce wall_contacts"),
-    *_options("search", "seed pareto"),
+    *_options("search", "seed"),
 )
 
 

@@ -12,8 +12,7 @@ from tpd.cli import common
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files, progress
 from tpd.design.as_built import details
-from tpd.design.optimise import front, problem_of, solve_problem
-from tpd.design.reasons import VALIDATED
+from tpd.design.optimise import problem_of, solve_problem
 from tpd.report.blocks import MOST, Report, Table
 from tpd.report.content import CONDITIONS
 from tpd.report.files import write
@@ -32,12 +31,9 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # Matplotlib loads slowly. It loads beside the runs, which are compiled code without Python's lock.
     Thread(target=import_module, args=("tpd.plots.results",), daemon=True).start()
     with progress.bar_for(not options.quiet) as bar:
-        design, points = solve_problem(problem, bar), ()
-        # Lighter pendulums make sense only beside a pendulum that passes the validation.
-        if job.full["search"]["pareto"] and design.status in VALIDATED:
-            points = front(design, progress=bar)
+        design = solve_problem(problem, bar)
         # Details are results that only the report needs, such as responses and tolerances.
-        shown = details(design, front=points, progress=bar)
+        shown = details(design, progress=bar)
     lines = sys.maxsize if options.verbose else MOST
     # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
     how = {"then": partial(_show, options), "warn": lambda message: progress.say(f"tpd: {message}")}

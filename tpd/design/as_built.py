@@ -20,7 +20,7 @@ from tpd.answers.run_table import cases_of
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
-from tpd.design.design import Design, FrontPoint
+from tpd.design.design import Design
 from tpd.design.first_guess import FirstGuess, follow_guess
 from tpd.design.variations import Dependence, EquivalentWidening, dependences, equivalent_widening
 from tpd.limits import bob_of
@@ -230,8 +230,6 @@ class Details(Printed):
     """Pendulum of a rule of thumb in the validation runs; None if there are no runs or no such pendulum."""
     equivalent_widening: EquivalentWidening | None = None
     """Widening of the base that has the same effect as the pendulum; None if no pendulum is recommended."""
-    front: tuple[FrontPoint, ...] = ()
-    """Results with lighter bobs."""
 
     def of(self, *kinds: str) -> tuple[Dependence, ...]:
         """Return the variations of these kinds."""
@@ -239,19 +237,16 @@ class Details(Printed):
 
     def __str__(self) -> str:
         rows = [] if self.build is None else [("build", f"{self.build.bob}, {number(self.build.mass)} kg")]
-        names = "variations", "histories", "responses", "front"
+        names = "variations", "histories", "responses"
         rows += [(name, f"{count} results") for name in names if (count := len(getattr(self, name)))]
         return "\n".join(["Details of a design", *(f"  {name:32}{text}" for name, text in rows)])
 
 
-def details(
-    design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress = unreported
-) -> Details:
+def details(design: Design, *, progress: Progress = unreported) -> Details:
     """Compute all further results that a report shows with a design.
 
     Args:
         design: result of `optimise`.
-        front: result of `tpd.front`, if the report shows it.
         progress: function of (stage, units done, total).
 
     Raises:
@@ -273,7 +268,6 @@ def details(
         variations=rows,
         first_guess=follow_guess(problem, runs) if runs else None,
         equivalent_widening=equivalent_widening(design.best, rows),
-        front=front,
     )
     scene = design.scene
     if "motion" not in problem.pictures:

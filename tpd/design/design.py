@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -314,17 +314,3 @@ class Design(Printed):
         lines += [f"  reason      {text}" for text in self.status.other(self.refusals)[:_MOST_REASONS]]
         lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)
-
-
-class FrontPoint(NamedTuple):
-    """Result of a search with an upper bound on the mass of the bob."""
-
-    most: float
-    """Largest mass of the bob, kg."""
-    status: str
-    """Name of the status of the design."""
-    pendulum: Pendulum | None
-    """Pendulum of the design; None if none is recommended."""
-    benefit: tuple[float, float, float]
-    """Share by which the mean tilt falls in validation runs, with the lower and the upper end of the 95 %
-    interval; NaN without a pendulum."""

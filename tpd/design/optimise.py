@@ -5,12 +5,11 @@ runs correct their limits (`tpd.design.corrections`). Under ground motions trial
 lead to the best design (`tpd.design.refine`). *Validate* decides by paired runs that no other stage has used.
 Under ground motions the same earthquakes validate every design.
 
-`front` solves a problem again with lighter bobs, and `optimise_all` finds pendulums for many blocks.
+`optimise_all` finds pendulums for many blocks.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,12 +18,11 @@ import numpy as np
 
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, aligned, counted, number
+from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Count, Progress, bar_for, count_for, unreported
-from tpd.design.design import Design, FrontPoint
+from tpd.design.design import Design
 from tpd.design.first_guess import first_guess
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
@@ -179,85 +177,6 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         search=refinement.search,
         equivalent=None if best is None else refinement.equivalent(best),
     )
-
-
-_LEAST_MASS, _BOBS = 1.0 / 16.0, 3
-"""Smallest mass of a front as a share of the largest one, and default number of lighter bobs."""
-
-
-class Front(Printed, tuple[FrontPoint, ...]):
-    """Designs with bobs of increasing largest mass, as a tuple of `FrontPoint`. It is printed as a table."""
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        rows = [("largest bob, kg", "status", "bob, kg", "rod, m", "reduction of the mean tilt, %", "95 %")]
-        for p in self:
-            sizes = (math.nan, math.nan) if p.pendulum is None else (p.pendulum.mass, p.pendulum.length)
-            gain, low, high = (number(100.0 * x, 3) for x in p.benefit)
-            bob, rod = (number(float(x)) for x in sizes)
-            rows.append((number(p.most), p.status.replace("_", " "), bob, rod, gain, f"{low} to {high}"))
-        return "\n".join(aligned(rows))
-
-
-def front(
-    design: Design,
-    most: Sequence[float] | None = None,
-    *,
-    method: Any = None,
-    progress: Progress | None = None,
-) -> Front:
-    """Solve the problem of a design again with lighter bobs. Each result is validated like the design itself.
-
-    A result is left out if a bob that is not heavier reduces the mean tilt more, or as much with less mass.
-
-    Args:
-        design: a result of `tpd.optimise`.
-        most: largest masses of the bob over the mass of the block, increasing. By default an eighth, a
-            quarter and a half of the largest mass of the design space (larger if its smallest mass is above a
-            sixteenth). The design itself comes last, unless it is left out.
-        method: settings of each search; default those of the design.
-        progress: function of ("front", bobs done, total).
-
-    Raises:
-        ValueError: the masses do not increase or lie outside the design space, or the mass is fixed.
-
-    Example:
-        >>> import tpd
-        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
-        >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
-        >>> [point.status for point in tpd.front(design, [0.05])]
-        ['no_uplift', 'no_uplift']
-    """
-    checks.instance("design", design, Design)
-    block = design.scene.block
-    (low, *_), (high, *_) = design.space.ends.tolist()
-    if low == high:
-        raise ValueError("`design` has a bob of fixed mass, so that lighter bobs cannot be compared with it")
-    # The first mass of the sequence is the lower end itself, and the last one is the design: both are left
-    # out.
-    shares = np.geomspace(max(low, high * _LEAST_MASS), high, _BOBS + 2)[1:-1] if most is None else most
-    shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
-    if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
-        raise ValueError(
-            f"`most` must be increasing mass ratios between {low:g} and {high:g}, but is {shares.tolist()}"
-        )
-    points = []
-    for i, share in enumerate(shares):
-        (progress or unreported)("front", i, len(shares))
-        space = replace(design.space, mass_ratio=(low, float(share)))
-        lighter = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
-        points.append(_point(float(share * block.mass), lighter))
-    points.append(_point(float(high * block.mass), design))
-    # Points without a pendulum have the benefit NaN, for which all comparisons are false.
-    gains = [(-math.nan if p.pendulum is None else -float(p.pendulum.mass), p.benefit[0]) for p in points]
-    is_better = [[m >= n and b >= c and (m, b) != (n, c) for m, b in gains] for n, c in gains]
-    return Front(p for p, better in zip(points, is_better, strict=True) if not any(better))
-
-
-def _point(most: float, design: Design) -> FrontPoint:
-    benefit = design.benefit or Interval(np.nan, np.nan, np.nan)
-    return FrontPoint(most, design.status.name, design.pendulum, (benefit.mean, benefit.low, benefit.high))
 
 
 _STATUSES = tuple(DesignStatus.__members__)

@@ -166,10 +166,6 @@ _WIDTH = Need("a width in [scatter]", lambda full: bool(widths_of(full)))
 # A single condition has no risk measure, so that its default does not count either.
 _IS_CVAR = _is("search", "risk", "cvar")
 _CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _CONDITION_SET.holds(full))
-_TWO_MASSES = Need(
-    "two bounds for the mass, `space.mass` or `space.mass_ratio`",
-    lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
-)
 
 
 _HINGE = Need("the height of its hinge, `frame.height`", lambda full: full["frame"]["height"] is not None)
@@ -291,8 +287,6 @@ class _Search(msgspec.Struct):
     """Share of the conditions that the measure cvar uses."""
     seed: Annotated[int, Key("N")] = 0
     """Seed of all random choices, including those of the validation runs."""
-    pareto: Annotated[bool, Key("--pareto", (), _TWO_MASSES)] = False
-    """Also find three lighter pendulums, each with its own validation."""
 
 
 def keys_of(owner: type, example: object = None, /, **more: str | Key) -> dict[str, Key]:

@@ -1,15 +1,13 @@
-"""Pictures that compare a block with and without its pendulum: benefit, conditions and front."""
+"""Pictures that compare a block with and without its pendulum: benefit and conditions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tpd.answers.paired import PairedRuns
-from tpd.design.design import Design, FrontPoint
+from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.plots.style import (
     BLUE,
@@ -178,39 +176,3 @@ def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
     if quantity != name and design.pendulum is None:
         return factors, f"{name} of the pendulum, as a factor (-)"
     return factors * design.scene.quantities(design.pendulum)[quantity], LABELS[quantity]
-
-
-@own_style()
-def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
-    """Draw the reduction of the mean tilt with each recommended pendulum against the mass of its bob.
-
-    Bars are 95 % intervals. A cross marks an upper bound of the mass up to which no pendulum is recommended.
-
-    Args:
-        points: the answer of `tpd.front`; a star marks the last one, which reduces the tilt most.
-        ax: axes to draw on; by default those of a new figure.
-
-    Returns:
-        The axes.
-    """
-    ax = cast(Axes, new_axes() if ax is None else ax)
-    # A pendulum can be lighter than its bound allows, so it is drawn at its own mass.
-    mass = np.array([p.most if p.pendulum is None else float(p.pendulum.mass) for p in points])
-    benefit, low, high = 100.0 * np.array([p.benefit for p in points]).T
-    # A pendulum without validation runs has no benefit, and is neither recommended nor rejected.
-    is_recommended, is_missing = np.isfinite(benefit), np.array([p.pendulum is None for p in points])
-    # Matplotlib rejects negative lengths of bars, which rounding can cause.
-    around = np.maximum([benefit - low, high - benefit], 0.0)[:, is_recommended]
-    style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
-    ax.errorbar(mass[is_recommended], benefit[is_recommended], around, **style, label="recommended")
-    if is_recommended[-1]:
-        ax.plot(mass[-1], benefit[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="largest reduction")
-    if is_missing.any():
-        none = mass[is_missing]
-        ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none recommended up to this mass")
-    ax.set(xlabel=LABELS["pendulum_mass"], ylabel="reduction of the mean tilt (%), 95 % interval")
-    # Both axes begin at zero, because only then can distances be compared.
-    ax.set_xlim(left=0.0)
-    ax.set_ylim(bottom=min([0.0, *low[is_recommended]]))
-    legend(ax, columns=3)
-    return ax

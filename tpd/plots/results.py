@@ -16,7 +16,6 @@ from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
 from tpd.design.as_built import Details
 from tpd.design.design import Design
-from tpd.design.optimise import Front
 from tpd.plots import animation, compare, drawing, landscape, maps, response
 from tpd.plots.style import CASES, saved
 from tpd.scene.record import Record
@@ -36,7 +35,7 @@ def plot(
     """Draw a result, and return the axes (an array if there are several).
 
     Args:
-        result: a design, a record, or the answer of `front`, `design_map`, `fold_curve`, `settled_response`,
+        result: a design, a record, or the answer of `design_map`, `fold_curve`, `settled_response`,
             `branches`, `fragility`, `overturning_spectrum` or `rocking_spectrum`.
         what: name of the picture of a design. For a map it is another name of `quantity`, and for a fragility
             of `state`. The pictures of a design are:
@@ -109,7 +108,6 @@ def draw(name: str, design: Design, details: Details) -> bytes:
         "drawing.svg": lambda: drawing.plot_design(design),
         "response.svg": lambda: response.plot_response(details.responses, scene.excitation.frequency),
         "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
-        "front.svg": lambda: compare.plot_front(details.front),
         "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),
     }
     checks.one_of("name", name, tuple(drawings))
@@ -160,7 +158,6 @@ _NAMES = {"what": ("quantity", "state"), "ax": ("axes",)}
 """Names that plot functions have for the arguments `what` and `ax`."""
 _KINDS: dict[type, tuple[Any, ...]] = {
     Design: (draw_design, "what", "ax"),
-    Front: (compare.plot_front, "ax"),
     DesignMap: (maps.plot_map, "quantity", "ax"),
     FoldCurve: (maps.plot_fold_curve, "ax"),
     Response: (draw_response, "without", "own", "axes"),

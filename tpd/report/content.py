@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
 
 from tpd.core import files
-from tpd.core.formatting import interval, number
+from tpd.core.formatting import number
 from tpd.design.as_built import Details
-from tpd.design.design import Design, FrontPoint
+from tpd.design.design import Design
 from tpd.report import construction, sections, words
 from tpd.report.blocks import MOST, Block, Cell, Code, Figure, Report, Section, Severity, Table, Text
 from tpd.report.summary import repeat, rows_of, summary
@@ -108,10 +108,6 @@ _CAPTIONS = {
         "Lines: largest steady tilt of the attracting orbits. Marks near the top: the block overturns from "
         "rest.",
     ),
-    "front.svg": (
-        "Reduction of the mean tilt against the mass of the bob",
-        "Each point is a design with its own upper bound of the bob's mass, plotted against its actual mass.",
-    ),
 }
 """Alternative text and caption of every picture, by the name of its file."""
 
@@ -142,7 +138,6 @@ def content(
         # A picture whose data is missing has no figure, so the report does not refer to it.
         return [drawn[file]] if file in drawn else []
 
-    front: list[Block] = [*picture("front.svg"), _front(details.front, design)] if details.front else []
     # The sections follow the questions of an engineer: what the result depends on, what to watch, what to
     # build, why to believe it, where it stops to hold. How it was computed is in appendices.
     parts: dict[str, list[Block]] = {
@@ -151,7 +146,6 @@ def content(
         "Notes": [n for n in first.notes if n.severity is not Severity.danger],
         "Hypotheses": [_hypotheses(design)],
         "Document and scope": _scope(project, date),
-        "Lighter pendulums": front,
         **sections.sections(design, details, picture),
         "Appendix: how to repeat the search": _repeat(design, folder),
     }
@@ -175,7 +169,6 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
         and (design.trials.risk is not None or (bool(design.paths) and len(design.space.names) > 1)),
         "response.svg": bool(details.responses),
         "motion.svg": bool(details.histories),
-        "front.svg": bool(details.front),
         "drawing.svg": True,
         "animation.gif": bool(details.histories),
     }
@@ -185,25 +178,6 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
             all_figures["drawing.svg"], caption="Block and base, to scale; + is the centroid."
         )
     return all_figures
-
-
-def _front(points: Sequence[FrontPoint], design: Design) -> Table:
-    """Return a table with the answer for each upper bound of the bob's mass."""
-    rows: list[tuple[Cell, ...]] = []
-    for p in points:
-        # A bound without a recommended pendulum has its status instead.
-        if p.pendulum is None:
-            rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
-            continue
-        size = f"{words.point(p.pendulum)}, ζ = {number(float(p.pendulum.damping_ratio))}"
-        benefit = None if math.isnan(p.benefit[0]) else interval(*p.benefit)
-        rows.append((f"{number(p.most)} kg", size, benefit))
-    own = "The last row is this report's design."
-    if points[-1].pendulum != design.pendulum:
-        own = "This report's design has no row, because a lighter bob reduces the mean tilt at least as much."
-    caption = f"Each row is a separate design with its own validation runs. {own}"
-    head = "upper bound of the mass", "equivalent point mass", "reduction of the mean tilt (95 % interval)"
-    return Table(head, tuple(rows), caption)
 
 
 def _hypotheses(design: Design) -> Table:
