@@ -81,7 +81,7 @@ def test_the_hazard_of_the_template_fits_the_records(kind):
 def test_new_does_not_overwrite_a_file(tmp_path):
     out = tmp_path / "mine.toml"
     assert call("new tower --out", str(out)).status == 0
-    assert f"tpd optimise --scene {out}" in out.read_text()
+    assert f"tpd optimise {out}" in out.read_text()
     out.write_text("keep me")
     done = call("new statue --out", str(out))
     assert (done.status, done.out) == (2, "")

@@ -66,7 +66,7 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_wi
     assert done.out == done.files["report.txt"].read_text(encoding="utf-8")
     assert done.out.splitlines()[-2:] == [
         "  report         out/report.html",
-        "  repeat         tpd optimise --scene out/scene.toml --out out-again",
+        "  repeat         tpd optimise out/scene.toml --out out-again",
     ]
     content, stored = done.json("design.json"), tpd.read_design("out")
     job = jobs.job_of(tomllib.loads(done.files["scene.toml"].read_text()))

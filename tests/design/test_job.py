@@ -72,7 +72,7 @@ def test_a_written_job_file_defines_an_equal_job(given):
     job = jobs.job_of(given)
     assert jobs.job_of(tomllib.loads(job.toml)) == job
     assert jobs.job_of(json.loads(json.dumps(job.tables))) == job
-    assert job.toml.startswith("# Repeat this run: tpd optimise --scene")
+    assert job.toml.startswith("# Repeat this run: tpd optimise")
     again = jobs.job_of(job.tables)
     for name in {"scene", *job.settings} - {"conditions", "validation_share"}:
         assert getattr(again, name) == getattr(job, name), name

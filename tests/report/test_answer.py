@@ -24,7 +24,7 @@ def test_the_terminal_shows_at_most_25_lines_and_only_whole_rows(kind):
     said = answer(design, about, Path("a folder")).splitlines()
     assert len(said) <= MOST == 25
     assert max(map(len, said)) <= 100
-    assert said[-1] == "  repeat         tpd optimise --scene 'a folder/scene.toml' --out 'a folder-again'"
+    assert said[-1] == "  repeat         tpd optimise 'a folder/scene.toml' --out 'a folder-again'"
     assert said[-2] == "  report         a folder/report.html"
     first = verdict(design, about).marked
     assert flat("\n".join(said)).startswith(first)

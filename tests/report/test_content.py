@@ -64,7 +64,7 @@ def test_the_last_section_has_the_command_that_repeats_the_search(tmp_path):
     design = with_job(harmonic())
     blocks = section(content(design, details(), tmp_path), REPEAT)
     said = [block.text for block in blocks if isinstance(block, Code)]
-    again = f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again"
+    again = f"tpd optimise {tmp_path}/scene.toml --out {tmp_path}-again"
     assert said == [again, f"tpd explore {tmp_path}", design.problem.job.toml]
     assert not any(isinstance(b, Code) for b in section(content(harmonic(), details(), tmp_path), REPEAT))
 

@@ -43,4 +43,4 @@ def template(kind: str, out: Path | None = None) -> str:
 
 def _command(file: Path) -> str:
     """Return the command that finds a pendulum for a job file."""
-    return f"tpd optimise --scene {shlex.quote(str(file))} --out {shlex.quote(file.stem)}"
+    return f"tpd optimise {shlex.quote(str(file))} --out {shlex.quote(file.stem)}"

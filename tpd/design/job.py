@@ -430,7 +430,7 @@ class Job(ABC):
     @property
     def toml(self) -> str:
         """Text of a job file that is read back as the same job."""
-        lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
+        lines = ["# Repeat this run: tpd optimise <this file> --out <new directory>"]
         for table, values in self.tables.items():
             lines += ["", f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
         return "\n".join(lines) + "\n"

@@ -290,4 +290,4 @@ def repeat(directory: Path) -> str:
     """Return the command that repeats the search of the report in a folder."""
     # The quotes allow blanks in the name of the folder.
     scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
-    return f"tpd optimise --scene {scene} --out {to}"
+    return f"tpd optimise {scene} --out {to}"
