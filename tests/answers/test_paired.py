@@ -11,8 +11,7 @@ import tpd
 from tests.benchmarks import stored
 from tests.designs import outcomes, paired
 from tpd.answers.ensemble import outcomes as followed
-from tpd.answers.paired import Decision
-from tpd.answers.statistics import Interval, conditional_interval
+from tpd.answers.statistics import Interval
 
 PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
 
@@ -40,13 +39,6 @@ def test_a_rate_is_reduced_if_the_interval_of_the_ratio_is_below_one(ratio, redu
     assert (of.mean, of.low, of.high) == pytest.approx(reduction, nan_ok=True)
     assert is_significant == (ratio[2] < 1.0)
     assert (runs.excess_reduction("rate", 0.1, 0.05) >= 0.0) == is_enough
-
-
-def test_a_rate_that_decided_has_a_conditional_interval():
-    passed = with_ratio(0.6, 0.4, 0.9, passed=Decision("rate", 0.05))
-    of, alone = passed.reduction("rate")[0], passed.unconditional.reduction("rate")[0]
-    assert of == conditional_interval(alone, alone, 0.05)
-    assert of.low < alone.low
     assert paired([0.1], [0.2]).annual_rates is None
 
 

@@ -167,12 +167,12 @@ def test_the_keys_of_a_job_determine_the_kind_of_excitation():
     assert pulse.kind == "pulse"
     assert pulse.scene.excitation == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
     c = pulse.conditions
-    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (1.0,), 0.0)
+    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (1.0,), None)
     job = jobs.job_of({"excitation": RECORDS})
     assert job.kind == "records"
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
     c = job.conditions
-    assert (c.intensity, c.scales, job.validation_share) == ("pga_star", (2.0, 3.0), 0.5)
+    assert (c.intensity, c.scales, job.validation_share) == ("pga_star", (2.0, 3.0), None)
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
     asked = GroundMotionProblem.of(job.block, job.conditions)
     for name in ("space", "risk", "limits", "method", "requirements", "ensemble"):

@@ -64,7 +64,7 @@ CONDITIONS = (
     Option("starts", "kind", "--from-rest", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options("search", "optimiser searches designs steps"),
+    *_options("search", "method optimiser searches designs steps"),
     *_options("requirements", "at_least reduce wall_contacts"),
     *_options("search", "seed pareto"),
 )

@@ -271,7 +271,7 @@ def details(
     out = Details(
         build=build_of(design),
         variations=rows,
-        first_guess=follow_guess(problem, runs) if runs else None,
+        first_guess=None if runs is None or problem.has_earthquakes else follow_guess(problem, runs),
         equivalent_widening=equivalent_widening(design.best, rows),
         front=front,
     )

@@ -21,7 +21,6 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.validate import run_seed
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
@@ -169,15 +168,9 @@ def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **sett
     block = scene if isinstance(scene, Block) else scene.block
     if block.cavity_width is None and block.frame_width is None:
         inputs["limits"] = ()
-    # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
-    # divided.
-    motions = () if conditions is None else conditions.motions
-    if (
-        motions
-        and len(set(events_of(motions))) == 1
-        and not isinstance(settings.get("validation_share"), Mapping)
-    ):
-        inputs["validation_share"] = 0.0
+    # No search uses the motions, so that none of them is held out.
+    if not isinstance(settings.get("validation_share"), Mapping):
+        inputs["validation_share"] = None
     return problem_of(scene, **inputs)
 
 

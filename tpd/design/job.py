@@ -340,12 +340,12 @@ class Job(ABC):
         """Runs of the validation."""
 
     @cached_property
-    def _validation(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
+    def _validation(self) -> tuple[float | dict[str, list[GroundMotion]] | None, list[str]]:
         """Validation share or validation groups, and notes on the records of the groups."""
         share = self.full["excitation"]["validation_share"]
         groups, messages = dict[str, list[GroundMotion]](), list[str]()
         if not isinstance(share, tuple):
-            return share or 0.0, messages
+            return share, messages
         # The names of the groups in the report are the last parts of the paths.
         names = [Path(word).name or word for word in share]
         for word, name in zip(share, names, strict=True):
@@ -381,9 +381,9 @@ class Job(ABC):
                 raise ValueError("\n".join([error.args[0] + more, *error.preview])) from None
 
     @property
-    def validation_share(self) -> float | dict[str, list[GroundMotion]]:
-        """Share of the records that is kept for the validation, or groups of other records by name; 0 for
-        none."""
+    def validation_share(self) -> float | dict[str, list[GroundMotion]] | None:
+        """Share of the records that is kept for the validation, or groups of other records by name; None
+        for cross-fitting."""
         return self._validation[0]
 
     @property

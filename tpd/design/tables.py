@@ -27,13 +27,7 @@ from tpd.core.checks import quote
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
 from tpd.design.risk import Risk
-from tpd.design.settings import (
-    SCATTERED,
-    VALIDATION_RUNS,
-    VALIDATION_SHARE,
-    Descent,
-    GroundSearch,
-)
+from tpd.design.settings import SCATTERED, VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, Stroke, Worsening, limit_of
 from tpd.records.read import BUILT_IN, SETS
@@ -215,10 +209,10 @@ class _Excitation(msgspec.Struct):
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
     validation_share: Annotated[
         float | tuple[str, ...] | None,
-        Key("X", _RECORDS, defaults={"records": VALIDATION_SHARE}),
+        Key("X", _RECORDS),
     ] = None
-    """Share of the records, in whole earthquakes, that is kept for the validation, or files, folders and sets
-    of other records for it (default 0.5)."""
+    """Share of the records, in whole earthquakes, that is kept for the validation of the search, or files,
+    folders and sets of other records for it (default: cross-fitting, in which all earthquakes validate)."""
 
 
 class _Records(msgspec.Struct):
@@ -401,7 +395,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITS)),
     "search": {
         **_descent,
-        **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N")),
+        **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N", method="WORD")),
         # The default depends on the search.
         "steps": msgspec.structs.replace(_descent["steps"], kinds=(), default=None),
         **keys_of(_Search),

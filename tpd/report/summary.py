@@ -79,6 +79,8 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
             yield "rate", ". ".join(yearly[:2])
     if details.of("base"):
         yield "wider base", wider_bases(details)
+    if design.rule is not None:
+        yield from words.rule_and_search(design)
     if details.first_guess is not None:
         yield "first guess", words.first_guess(details.first_guess, design.problem.allowed)
     yield from _pendulum(design, details)
@@ -161,13 +163,17 @@ def by_start(runs: PairedRuns) -> str:
 
 
 def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
-    """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
-    overturn with and without the pendulum, with intervals over earthquakes."""
+    """Yield the lines of a table of several levels of ground motions: the shares of the counted runs that
+    overturn with and without the pendulum."""
     counted = True if runs.counted is None else runs.counted
-    for name, rows in problem.levels.items():
-        pendulum, without = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
-        count, share = pendulum.tilt.size, f"{pendulum.share_overturned} overturn with the pendulum"
-        yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
+    levels = problem.levels.items()
+    if levels:
+        count = int(np.sum(next(iter(levels))[1] & counted))
+        yield f"{problem.measure_in_words}: share of {count} runs that overturn with (without) the pendulum"
+    for name, rows in levels:
+        cases = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
+        pendulum, without = (percent(x.share_overturned.value, 1) for x in cases)
+        yield f"{name}: {pendulum} ({without})"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
