@@ -142,6 +142,34 @@ def test_each_record_has_one_level_in_each_of_sixteen_strata():
     assert set(one._every_motion().column("amplitude")) == {2.0}
 
 
+def test_the_sentence_on_pulses_has_the_shortest_period_and_the_smallest_peak_that_overturn():
+    pulses = [tpd.Pulse.ricker(acceleration=4.0, frequency=1.0 / period) for period in (0.7, 1.0, 1.5, 2.0)]
+    conditions = tpd.Conditions.records(pulses, (0.9, 1.1), intensity="scale")
+    given = {"limits": (), "validation_share": 0.0, "ensemble": UNSCATTERED}
+    made = GroundMotionProblem.of(BLOCK, conditions, **given)
+    runs = made.validation_runs(None, 0)
+    rows = [
+        (1.0 / pulses[i // 16].frequency, made.stated_motions[i].pga)
+        for i in np.flatnonzero(runs.is_overturned)
+    ]
+    period, pga = map(min, zip(*rows, strict=True))
+    assert 0.7 < period < 2.0
+    least = f"a period of {period:g} s and from a PGA of {pga / 9.80665:.3g} g on, in {len(rows)} of 64 runs"
+    assert made.first_overturning(runs) == f"pulses overturn the block from {least}"
+    none = dataclasses.replace(runs, outcome=np.zeros_like(runs.outcome))
+    assert made.first_overturning(none) == "no pulse of the band overturns the block"
+    assert problem().first_overturning(runs) == ""
+
+
+def test_the_sign_of_a_motion_has_no_effect_because_block_and_pendulum_are_symmetric():
+    tilts = []
+    for sign in (1.0, -1.0):
+        motions = [record.scaled(sign) for record in RECORDS[:3]]
+        made = problem(motions, (1.3, 2.0), validation_share=0.0, ensemble=UNSCATTERED)
+        tilts.append(made.trial_runs(DESIGN, 0, "nonlinear").tilt)
+    np.testing.assert_allclose(*tilts, rtol=1e-9)
+
+
 def test_runs_without_a_result_count_neither_as_overturned_nor_as_rest(monkeypatch):
     made = problem(RECORDS[:4], validation_share=0.0)
     whole = made.paired_runs(DESIGN, 5)

@@ -63,17 +63,24 @@ class Assessment(Printed):
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         varied = f"{problem.begin_of_runs} {scatter}"
-        lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
+        first, lines = problem.first_overturning(self.runs), list[str]()
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
-            # The conditions of a harmonic are no sample, so their share has no interval.
-            is_sample = problem.has_earthquakes or runs is self.runs
-            for at, rows in levels.items() or [("", slice(None))]:
-                lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")
+            # The conditions of a harmonic and pulses are no sample, so their share has no interval.
+            is_sample = not first if problem.has_earthquakes else runs is self.runs
+            lines.append(f"{name}: {_outcome(runs, is_sample)}.")
+        # Pulses have few runs at each level.
+        if problem.levels and not first:
+            head = "share of the runs that overturn, stated block (block that varies)"
+            lines.append(f"{problem.measure_in_words}: {head}")
+            for name, rows in problem.levels.items():
+                shares = (percent(x.of(rows).share_overturned.value, 1) for x in (self.stated, self.runs))
+                lines.append("  {}: {} ({})".format(name, *shares))
         # The share depends much on the start, and a structure is at rest before it is shaken.
         starts = self.runs.starts if len(self.runs.starts) > 1 else {}
         for kind, rows in starts.items():
             lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
-        lines += [f"{text}." for text in problem.yearly(problem.annual_rates([self.runs]))]
+        more = [first[0].upper() + first[1:]] if first else []
+        lines += [f"{text}." for text in (*more, *problem.yearly(problem.annual_rates([self.runs])))]
         friction = sliding(problem.scene, problem.stated_motions)
         # If the base slides, the runs do not describe the block.
         lines.insert(0 if friction.slides else len(lines), friction.sentence)

@@ -22,7 +22,7 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import NU, F, K
 from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
-from tpd.core.formatting import pair_of
+from tpd.core.formatting import number, pair_of
 from tpd.core.progress import Progress
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import DesignStatus, ReasonKind
@@ -33,7 +33,7 @@ from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_each
-from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
@@ -182,10 +182,10 @@ class GroundMotionProblem(Problem):
     @property
     def of_all(self) -> GroundMotionProblem:
         """The problem in which all earthquakes validate a design, because none of them chose it."""
-        (first, *_), motions = self.groups, [m for g in self.groups for m in g.motions]
-        events = np.concatenate([g.events for g in self.groups])
-        every = Group(_name(Role.both, motions), Role.both, tuple(motions), events)
-        return self if first.role is Role.both else replace(self, groups=(every,))
+        motions, events = (m for g in self.groups for m in g.motions), [g.events for g in self.groups]
+        every = Group("all records", Role.both, tuple(motions), np.concatenate(events))
+        # Without motions for the validation a verdict is on these motions only.
+        return self if len(self.groups) == 1 else replace(self, groups=(every,))
 
     @property
     def crossed(self) -> tuple[tuple[GroundMotionProblem, np.ndarray], ...]:  # type: ignore[override]
@@ -244,6 +244,20 @@ class GroundMotionProblem(Problem):
         # The levels of a motion follow each other, and the last one is the strongest.
         motions = self.stated_motions[self._count - 1 :: self._count]
         return np.array([isolation_period(motion, lifts) for motion in motions]), SPECTRAL_DAMPING
+
+    def first_overturning(self, runs: Runs) -> str:
+        """See `Problem.first_overturning`."""
+        motions = [m for g in self.groups for m in g.motions]
+        if not all(isinstance(m, Pulse) for m in motions) or len(motions) == 1:
+            return ""
+        if not runs.is_overturned.any():
+            return "no pulse of the band overturns the block"
+        rows = np.flatnonzero(runs.is_overturned)
+        period = 1.0 / max(float(motions[int(runs.condition[i])].frequency) for i in rows)
+        stated = self.stated_motions
+        pga = min(float(stated[i].pga) for i in rows) / STANDARD_GRAVITY
+        least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
+        return f"pulses overturn the block from {least} on, in {len(rows)} of {len(runs.nu)} runs"
 
     @property
     def only_rule(self) -> bool:  # type: ignore[override]

@@ -462,6 +462,11 @@ class Problem(ABC):
         """
         return None
 
+    def first_overturning(self, runs: Runs) -> str:
+        """Return a clause with the shortest period and the smallest PGA of several pulses that overturn the
+        block; empty without pulses."""
+        return ""
+
     def yearly(self, rates: Any) -> tuple[str, ...]:
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
         a hazard under ground motions of several levels, else empty. Sentences have no full stop."""

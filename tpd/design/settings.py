@@ -8,6 +8,8 @@ from tpd.core import checks
 
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Quantities of the block and of the installation that vary in validation runs under ground motions."""
+PULSE_BAND = 0.3, 0.1
+"""Default half widths of the band around a pulse, of the period and of the peak acceleration."""
 VALIDATION_RUNS = 2048
 """Default number of validation runs under harmonic excitation. One half decides, and the other half is
 reported."""

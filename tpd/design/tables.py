@@ -27,7 +27,7 @@ from tpd.core.checks import quote
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
 from tpd.design.risk import Risk
-from tpd.design.settings import SCATTERED, VALIDATION_RUNS, Descent, GroundSearch
+from tpd.design.settings import PULSE_BAND, SCATTERED, VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, Stroke, Worsening, limit_of
 from tpd.records.read import BUILT_IN, SETS
@@ -166,6 +166,7 @@ _TWO_MASSES = Need(
 )
 
 
+_BUILDING = Need("a building, `site.building_period`", lambda full: bool(full["site"]["building_period"]))
 _HINGE = Need("the height of its hinge, `frame.height`", lambda full: full["frame"]["height"] is not None)
 _FRAME = Need("a width, `frame.width`", lambda full: full["frame"]["width"] is not None)
 
@@ -207,6 +208,11 @@ class _Excitation(msgspec.Struct):
     ] = None
     """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
+    pulse_band: Annotated[
+        tuple[float, float] | None, Key("PERIOD PGA", _PULSE, defaults={"pulse": PULSE_BAND})
+    ] = None
+    """Relative half widths of the band of periods and of peak accelerations around a pulse; 0 0 for the
+    stated pulse alone (default 0.3 0.1)."""
     validation_share: Annotated[
         float | tuple[str, ...] | None,
         Key("X", _RECORDS),
@@ -218,6 +224,14 @@ class _Excitation(msgspec.Struct):
 class _Records(msgspec.Struct):
     events: Annotated[dict[str, str] | None, Key("--event FILE=NAME", _RECORDS, _FILE)] = None
     """Names of the earthquakes, by file or folder (default: what the files state, else one earthquake)."""
+
+
+class _Site(msgspec.Struct):
+    building_period: Annotated[float | None, Key("S", _RECORDS)] = None
+    """Natural period of a building on whose roof the block stands, s. The records pass an oscillator with
+    this period. Levels and hazard are those of the ground."""
+    building_damping: Annotated[float, Key("X", _RECORDS, need=_BUILDING)] = 0.05
+    """Damping ratio of this building."""
 
 
 class _Reading(msgspec.Struct):
@@ -381,7 +395,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "bob": keys_of(
         Bob, shape=Key("--bob WORD", need=_WALLS), density=Key(need=_WALLS), aspect=Key(need=_CYLINDER)
     ),
-    "site": {"gravity": keys_of(Scene)["gravity"]},
+    "site": {"gravity": keys_of(Scene)["gravity"], **keys_of(_Site)},
     "space": keys_of(
         DesignSpace,
         **{"mass_ratio": "LO HI", "length_ratio": "LO HI", "damping_ratio": "--damping LO HI"},

@@ -77,6 +77,9 @@ def _rows(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # What an owner decides by comes before the parts, and what it depends on comes late.
         if yearly := design.problem.yearly(design.runs.annual_rates):
             yield "rate", ". ".join(yearly[:2])
+        if first := design.problem.first_overturning(design.runs.without_pendulum):
+            with_it = design.problem.first_overturning(design.runs.with_pendulum)
+            yield "pulses", f"without a pendulum {first}; with it {with_it}"
     if details.of("base"):
         yield "wider base", wider_bases(details)
     if design.rule is not None:
