@@ -47,17 +47,17 @@ def test_the_hash_of_a_benchmark_changes_with_the_source_of_its_modules_only(tmp
     for name in ("statistics", "fragility", "paired"):
         (tmp_path / "tpd" / "answers" / f"{name}.py").write_text("x = 1\n", encoding="utf-8")
     monkeypatch.setattr(stored, "ROOT", tmp_path)
-    before = stored.code("intervals"), stored.code("quoted")
+    before = stored.code("intervals"), stored.code("power")
     (tmp_path / "tpd" / "answers" / "paired.py").write_text(
         '"""A."""\n# b\nx = 1\n"""C."""', encoding="utf-8"
     )
-    assert before == (stored.code("intervals"), stored.code("quoted"))
+    assert before == (stored.code("intervals"), stored.code("power"))
     (tmp_path / "tpd" / "answers" / "paired.py").write_text("x = 2\n", encoding="utf-8")
     assert stored.code("intervals") == before[0]
-    assert stored.code("quoted") != before[1]
+    assert stored.code("power") != before[1]
     (tmp_path / "tpd" / "answers" / "paired.py").unlink()
     with pytest.raises(ValueError, match="has answers/paired"):
-        stored.code("quoted")
+        stored.code("power")
 
 
 def test_the_tables_of_every_page_equal_the_stored_results():

@@ -1,5 +1,6 @@
-"""Annual rates of overturning: values, paired bootstrap, outcomes without a curve, and sentences."""
+"""Annual rates of overturning: values, paired bootstrap, runs without a result, and sentences."""
 
+import itertools
 import math
 import re
 
@@ -10,9 +11,10 @@ import tpd
 from tests.answers.test_fragility import PENDULUM, RECORDS, STATUE
 from tests.scene.test_hazard import SITE
 from tpd.answers.annual_rates import AnnualRates, rates_of_outcomes
-from tpd.answers.fragility import Fragility, fit_lognormal
+from tpd.answers.fragility import Fragility
 
-STRIPES = np.array([0.15, 0.25, 0.4, 0.6, 0.9, 1.3])
+EDGES = np.geomspace(0.12, 1.5, 17)
+LEVELS = np.sqrt(EDGES[:-1] * EDGES[1:])
 
 
 @pytest.fixture(autouse=True)
@@ -22,15 +24,14 @@ def few(monkeypatch) -> None:
 
 
 def outcomes(seed: int = 0, motions: int = 44, factor: float = 1.4) -> np.ndarray:
-    """Outcomes of motions at all stripes without a pendulum and with it, which needs stronger motions."""
+    """Outcomes of motions at all levels without a pendulum and with it, which needs stronger motions."""
     rng = np.random.default_rng(seed)
     capacity = 0.5 * np.exp(0.5 * rng.standard_normal((motions, 1)))
-    return np.array([capacity < STRIPES, factor * capacity < STRIPES], float)
+    return np.array([capacity < LEVELS, factor * capacity < LEVELS], float)
 
 
-def rates(hits: np.ndarray, **more) -> AnnualRates:
-    quakes = more.pop("quakes", np.arange(hits.shape[1]) // 2)
-    return rates_of_outcomes(SITE, STRIPES, hits, quakes, more.pop("seed", 0))
+def rates(hits: np.ndarray, edges=EDGES, quakes=None) -> AnnualRates:
+    return rates_of_outcomes(SITE, edges, hits, np.arange(hits.shape[1]) // 2 if quakes is None else quakes)
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +40,23 @@ def curves() -> Fragility:
     return tpd.fragility(STATUE, RECORDS, scales=scales, pendulum=PENDULUM, nonlinear=False)
 
 
-def test_annual_rates_follow_from_the_fitted_fragility_curves():
+def test_annual_rates_are_weighted_sums_that_approach_those_of_the_true_curve():
     of = rates(outcomes())
     for hit, rate in zip(outcomes(), of.cases, strict=True):
-        fit = fit_lognormal(STRIPES, hit)
-        assert rate.mean == SITE.annual_rate(fit.median, fit.dispersion)
+        expected = sum(
+            hit[:, i].mean() * (SITE.exceeding(a) - SITE.exceeding(b))
+            for i, (a, b) in enumerate(itertools.pairwise([*EDGES[:-1], 1e9]))
+        )
+        assert rate.mean == pytest.approx(expected, rel=1e-9)
         assert rate.low < rate.mean < rate.high
     assert of.years == tuple(1.0 / rate.mean for rate in of.cases)
     assert of.in_50_years == pytest.approx([1.0 - math.exp(-50.0 * rate.mean) for rate in of.cases])
     assert (of.without_pendulum, of.with_pendulum) == of.cases
     assert of.ratio.mean == of.cases[1].mean / of.cases[0].mean
+    # The capacities are lognormal, so the rate of many motions is known in closed form.
+    many = rates(outcomes(1, 20_000), quakes=np.arange(20_000) % 4)
+    for rate, median in zip(many.cases, (0.5, 0.7), strict=True):
+        assert rate.mean == pytest.approx(SITE.annual_rate(median, 0.5), rel=0.03)
 
 
 def test_the_resamples_of_both_cases_are_paired():
@@ -77,70 +85,56 @@ def test_the_rate_ratio_of_few_earthquakes_has_no_interval():
     assert of.earthquakes == 4
     assert (of.ratio.low, of.ratio.high) == (0.0, math.inf)
     assert "(interval unknown" in str(of)
-    assert "bootstrap" not in str(of)
 
 
-def test_the_rate_of_a_block_that_never_overturns_is_bounded():
+def test_a_block_that_never_overturns_has_a_rate_of_zero():
     hits = outcomes()
     hits[1] = 0.0
     of = rates(hits)
-    assert math.isnan(of.with_pendulum.mean)
-    assert math.isnan(of.ratio.mean)
-    assert (of.with_pendulum.low, of.with_pendulum.high) == (0.0, SITE.exceeding(1.3))
-    assert 0.0 < of.ratio.high < 1.0
-    assert of.without_fit == 200
-    years = "years that the outcomes allow: 38000 to infinite; dispersion of the curve: unknown"
-    assert f"at an unknown annual rate with it ({years})" in str(of)
+    assert (of.with_pendulum.mean, of.ratio.mean, of.years[1]) == (0.0, 0.0, math.inf)
+    assert "and in no run with it" in str(of)
 
 
-def test_a_share_that_does_not_grow_with_intensity_has_no_rate():
-    of = rates(outcomes()[:, :, ::-1])
-    assert math.isnan(of.without_pendulum.mean)
-    assert "interval unknown; dispersion of the curve: the share does not grow with the intensity" in str(of)
-
-
-def test_separated_outcomes_lie_between_the_rates_of_two_stripes():
-    hits = np.repeat([(STRIPES > 0.5).astype(float)], 44, axis=0)[None]
+def test_runs_without_a_result_widen_the_interval():
+    hits = outcomes()
+    known = rates(hits)
+    hits[:, :, 6:9] = np.nan
     of = rates(hits)
-    assert of.ratio is None
-    assert (of.without_pendulum.low, of.without_pendulum.high) == (SITE.exceeding(0.6), SITE.exceeding(0.4))
-    assert str(of).startswith(
-        "The block overturns at an unknown annual rate (years that the outcomes allow: "
-    )
+    assert of.without_pendulum.low < known.without_pendulum.low
+    assert of.without_pendulum.high > known.without_pendulum.high
+    np.testing.assert_array_equal(of.shares[:, 6:9], 0.0)
 
 
 def test_the_text_states_return_period_ratio_and_probability():
     of = rates(outcomes())
-    first, ratio, kind = of.sentences[:3]
+    first, ratio, beyond = of.sentences
     number = r"[\d.]+"
     case = rf"once in {number} years {{}} \(95 % interval {number} to {number}, {number} % in 50 years\)"
     cases = " and ".join(case.format(name) for name in ("without the pendulum", "with it"))
     assert re.fullmatch(f"The block overturns {cases}", first)
     times = rf"{number} times that without it \(95 % interval {number} to {number}\)"
     assert re.fullmatch(f"The rate with the pendulum is {times}", ratio)
-    assert "paired bootstrap (200 resamples of 22 earthquakes, seed 0)" in kind
+    shares = [f"{100.0 * x:.0f} %" for x in of.beyond]
+    above = of.shares[:, -1] * SITE.exceeding(1.5)
+    assert of.beyond == pytest.approx(above / [rate.mean for rate in of.cases])
+    assert beyond == f"{' and '.join(shares)} of the rate comes from intensities above the last level, 1.5 g"
 
 
-def test_the_text_states_the_extrapolated_share_of_the_rate():
-    assert max(rates(outcomes()).extrapolated) < 0.1
-    assert "extrapolated" not in str(rates(outcomes()))
-    of = rates_of_outcomes(SITE, 3.0 * STRIPES, outcomes(), np.arange(44) // 2, 0)
-    assert min(of.extrapolated) > 0.1
-    shares = " and ".join(f"{100 * x:.0f} %" for x in of.extrapolated)
-    beyond = "it comes from a PGA beyond the levels of the runs or of the hazard"
-    assert f"{shares} of the rate is extrapolated: {beyond}" in of.sentences
-    assert "Levels of the runs far above the last level of the hazard, 1.2 g: 2.7, 3.9 g" in of.sentences
-    # The stripes are above all levels of the hazard.
-    assert rates_of_outcomes(SITE, 20.0 * STRIPES, outcomes(), np.arange(44) // 2, 0).extrapolated == (
-        1.0,
-        1.0,
+def test_the_text_advises_other_levels_if_they_cut_off_a_part_of_the_rate():
+    few = rates(outcomes()[:, :, :8], EDGES[:9])
+    assert str(few).endswith("above the last level, 0.424 g: state higher levels.")
+    few = rates(outcomes()[:, :, 8:], EDGES[8:])
+    low = "Intensities below the first level do not count, but "
+    assert re.search(
+        low + r"\d+ % of the runs near the first level, 0.424 g, overturn: state lower", str(few)
     )
 
 
 def test_a_fragility_in_another_unit_is_converted(curves):
     of = tpd.annual_rates(curves, SITE)
     unit = float(STATUE.slenderness)
-    assert of.stripes == pytest.approx(unit * curves.stripes)
-    fit = curves.without_pendulum["overturned"].fit
-    assert of.without_pendulum.mean == pytest.approx(SITE.annual_rate(unit * fit.median, fit.dispersion))
+    x = unit * curves.stripes
+    np.testing.assert_allclose(of.edges, [x[0], *np.sqrt(x[:-1] * x[1:]), x[-1]])
+    share = curves.without_pendulum["overturned"].shares
+    np.testing.assert_array_equal(of.shares[0], share)
     assert repr(of) == str(of)

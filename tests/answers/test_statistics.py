@@ -14,7 +14,6 @@ from tpd.answers.statistics import (
     chance_of,
     chance_of_either,
     change,
-    conditional_interval,
     degrees_of_freedom,
     fall,
     is_positive,
@@ -133,44 +132,6 @@ def test_an_interval_contains_its_mean_and_needs_two_clusters():
     below = changed(np.full(40, -0.5), np.repeat(np.arange(20), 2))
     assert below.high < 0.0
     assert not below.low > 0.0
-
-
-@pytest.mark.parametrize("truth", [0.08, 0.16, 0.3])
-def test_a_conditional_interval_has_its_coverage_for_samples_that_pass(truth):
-    """The normal distribution itself: a sample passes above a threshold."""
-    rng, error, least = np.random.default_rng(0), 0.06, 0.168
-    means = rng.normal(truth, error, 40_000)
-    means = means[means > least][:600]
-    found = [conditional_interval(of, of, of.mean - least) for of in (usual(m, error) for m in means)]
-    covered = np.mean([of.low <= truth <= of.high for of in found])
-    # The upper end is at least the mean of the sample, which covers a little more close to the threshold.
-    assert 0.92 < covered < 0.99
-    # The estimate is too large as often as too small; the mean of those that pass is too large.
-    assert 0.4 < np.mean([of.mean > truth for of in found]) < 0.56
-    if truth < least:
-        assert np.all(means > truth)
-
-
-def usual(mean: float, error: float) -> Interval:
-    return Interval(float(mean), float(mean) - 1.959964 * error, float(mean) + 1.959964 * error)
-
-
-def test_a_quantity_that_did_not_decide_is_corrected_by_its_correlation():
-    """Two means of a bivariate normal distribution, of which the first decides."""
-    rng, error, least, rho = np.random.default_rng(0), 0.06, 0.168, 0.7
-    pairs = rng.multivariate_normal([0.1, 0.1], error**2 * np.array([[1.0, rho], [rho, 1.0]]), 40_000)
-    found = [
-        conditional_interval(usual(second, error), usual(first, error), first - least, rho)
-        for first, second in pairs[pairs[:, 0] > least][:600]
-    ]
-    assert 0.92 < np.mean([of.low <= 0.1 <= of.high for of in found]) < 0.98
-    # Without correlation, far above the threshold, or without a known interval, nothing changes.
-    of = usual(0.2, 0.1)
-    assert conditional_interval(of, of, 0.1, 0.0) == of
-    far = conditional_interval(of, of, 2.0)
-    assert (far.mean, far.low, far.high) == pytest.approx((of.mean, of.low, of.high), abs=1e-6)
-    unknown = Interval(0.2, -math.inf, math.inf)
-    assert conditional_interval(unknown, of, 0.1) == unknown
 
 
 def test_the_reduction_of_identical_runs_has_an_interval_of_positive_width():

@@ -64,7 +64,7 @@ def test_a_hazard_adds_the_annual_rates(run, tmp_path):
     (tmp_path / "site.toml").write_text(SITE)
     done = run("fragility --scene", str(tmp_path / "site.toml"), PENDULUM_OPTIONS)
     rates = done.json("fragility.json")["annual_rates"]
-    assert rates["stripes"] == pytest.approx(np.array([1.0, 2.0, 3.0]) / 6.0)
+    assert rates["edges"] == pytest.approx(np.geomspace(1.0, 3.0, 17) / 6.0)
     assert [set(rate) for rate in (*rates["cases"], rates["ratio"])] == [{"mean", "low", "high"}] * 3
     assert "The block overturns " in done.out
     assert HOW_TO not in done.out

@@ -145,7 +145,9 @@ def test_check_validates_a_pendulum_with_the_records_of_a_job(on_records):
     done = call("check --scene", str(on_records[0] / "job.toml"), words)
     assert done.status == 3
     text = " ".join(done.out.split())
-    assert "search records (2 runs): mean tilt" in text
+    # All earthquakes count for a stated pendulum.
+    assert "all records (32 runs): mean tilt" in text
+    assert "2 to 2.1" in text
     assert re.search("\n(NOT RECOMMENDED: |TOO FEW EARTHQUAKES)", done.out)
     assert "  excitation  2 records, each at 2, 3 (PGA over g tan(alpha); at 1 " in done.out
 
@@ -167,7 +169,7 @@ def test_report_and_json_describe_every_record(on_records):
     content = first.json("design.json")["records"]
     assert {r["source"] for r in content["files"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake), "loma-prieta": facts(quakes)}
-    assert {r.pop("group") for r in content["files"]} == {"search records", "validation records"}
+    assert {r.pop("group") for r in content["files"]} == {"all records"}
     assert {r["source"]: r for r in content["files"]} == expected
     assert any("records state no orientation" in note for note in content["notes"])
     page = first.files["report.html"].read_text(encoding="utf-8")

@@ -28,7 +28,7 @@ def test_a_recommended_design_has_a_pendulum_and_its_validation_runs(harmonic):
 
 
 def test_utilisation_is_the_quantile_that_the_allowed_share_of_runs_exceeds(harmonic, ground):
-    runs = ground.problem.sizes_in_runs(ground.best.design, ground.runs.with_pendulum)["stroke"]
+    runs = ground.problem.sizes_in_runs(ground.best.design, ground.best.own_runs)["stroke"]
     assert np.mean(runs > ground.usage["stroke"]) <= ground.problem.allowed
     assert np.mean(runs >= ground.usage["stroke"]) > ground.problem.allowed
     best = harmonic.best

@@ -1,12 +1,16 @@
 """First guess of a pendulum: rules of thumb that need no search."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import tpd
-from tests.designs import BLOCK, GROUND, NoisyProblem
-from tpd.design.first_guess import first_guess, follow_guess
+from tests.designs import BLOCK, GROUND, NoisyProblem, records
+from tpd.answers.statistics import quantile_of
+from tpd.design.first_guess import first_guess, follow_guess, rule_of_thumb
 from tpd.design.optimise import problem_of
+from tpd.limits import STILL
 from tpd.theory import relative_length
 
 
@@ -53,6 +57,35 @@ def test_in_a_cavity_a_heavy_bob_on_a_shorter_rod_is_preferred_to_a_light_bob_on
     keeps = problem.possible(others, problem.rule_swing)
     products = np.sqrt(others[:, 0]) * np.cbrt(others[:, 1])
     assert products[keeps].max() < 1.03 * np.sqrt(guess[0]) * np.cbrt(guess[1])
+
+
+def test_the_rule_has_the_largest_mass_that_keeps_the_limits_in_runs():
+    conditions = tpd.Conditions.records(records(12), (1.5, 4.0))
+    tower = tpd.Block(width=1.6, height=8.0, mass=13_000.0)
+    for width, is_bound in ((1.28, True), (None, False)):
+        block = dataclasses.replace(tower, cavity_width=width)
+        limits = [tpd.limits.Stroke(), *([tpd.limits.Clearance()] if width else [])]
+        made = problem_of(block, conditions=conditions, limits=limits)
+        rule = rule_of_thumb(made)
+
+        def excess(design, made=made):
+            runs = made.validation_runs(design, made.run_seed(1, 1))
+            sizes = made.sizes_in_runs(design, runs)
+            return max(quantile_of(x, made.safe_level) for name, x in sizes.items() if name not in STILL)
+
+        assert excess(rule) <= 1.0
+        if not is_bound:
+            # No limit binds, and the first guess remains.
+            np.testing.assert_array_equal(rule, first_guess(made))
+            continue
+        # The damper is the strongest one, and a slightly larger bob on a longer rod exceeds a limit.
+        assert rule[2] == made.space.ends[1, 2]
+        longer = rule * [1.3, 1.15, 1.0]
+        assert not made.possible(longer[None])[0] or excess(longer) > 1.0
+        # A smaller cavity leaves less of the mass.
+        narrow = dataclasses.replace(tower, cavity_width=1.0)
+        narrow = problem_of(narrow, conditions=conditions, limits=limits)
+        assert rule_of_thumb(narrow)[0] < rule[0]
 
 
 def test_a_space_that_excludes_the_length_of_the_rule_has_no_first_guess(harmonic):

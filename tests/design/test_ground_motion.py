@@ -8,7 +8,6 @@ import pytest
 
 import tpd
 from tests.designs import BLOCK, noise, records
-from tpd.answers.fragility import fit_lognormal
 from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, isolation_period, motion_factors
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus, ReasonKind, reduced
@@ -59,6 +58,10 @@ def test_an_earthquake_has_one_number_in_all_groups():
         (RECORDS, 0.5, "recommended"),
         (RECORDS[:18], 0.5, "too_few"),
         (RECORDS, 0.0, "tuned_only"),
+        (RECORDS[:10], None, "recommended"),
+        (RECORDS[:8], None, "too_few"),
+        # A single earthquake cannot be divided.
+        (RECORDS[:2], None, "tuned_only"),
         (RECORDS[:10], {"a": RECORDS[:18]}, "too_few"),
     ],
 )
@@ -66,16 +69,8 @@ def test_a_verdict_needs_five_earthquakes_for_search_and_for_validation(motions,
     assert problem(motions, validation_share=validation_share).passing_status is DesignStatus[evidence]
 
 
-@pytest.mark.parametrize(("earthquakes", "divided"), [(79, False), (80, True)])
-def test_many_validation_earthquakes_are_divided_into_two_halves(earthquakes, divided):
-    made = problem(RECORDS)
-    tuned, held = made.groups
-    many = dataclasses.replace(held, motions=held.motions * 10, events=np.arange(100, 100 + earthquakes))
-    assert dataclasses.replace(made, groups=(tuned, many)).has_validation_runs is divided
-
-
 def test_the_conditions_of_a_problem_contain_the_search_records_only():
-    made = problem(seed=3)
+    made = problem(seed=3, validation_share=0.5)
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
     assert made.scene.excitation is tuned.motions[0]
@@ -86,6 +81,7 @@ def test_the_conditions_of_a_problem_contain_the_search_records_only():
     assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
     assert again.inputs["validation_share"] == {"validation records": held.motions}
     assert problem(validation_share=0.0).inputs["validation_share"] == 0.0
+    assert problem().inputs["validation_share"] is None
 
 
 def test_trial_runs_equal_single_transients():
@@ -110,10 +106,10 @@ def test_trial_runs_equal_single_transients():
 
 
 def test_both_cases_of_a_validation_run_have_equal_scatter():
-    made = problem(ensemble=tpd.Ensemble(restitution=0.02))
+    made = problem(ensemble=tpd.Ensemble(restitution=0.02), validation_share=0.5)
     found = made.paired_runs(DESIGN, 5)
     assert found.labels == ("search records", "validation records")
-    assert found.group.tolist() == [0] * 30 + [1] * 30
+    assert found.group.tolist() == [0] * 160 + [1] * 160
     np.testing.assert_array_equal(found.counted, found.group == 1)
     assert len(np.unique(found.cluster)) == 10
     np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
@@ -125,6 +121,53 @@ def test_both_cases_of_a_validation_run_have_equal_scatter():
     # One more condition is on top of all others.
     more = made.paired_runs(DESIGN, 5, Variation(more=tpd.Conditions({"mass": np.array([1.5])})))
     np.testing.assert_allclose(more.with_pendulum.mu, 1.5 * found.with_pendulum.mu)
+
+
+def test_each_record_has_one_level_in_each_of_sixteen_strata():
+    made = problem(RECORDS[:6], (1.5, 2.0, 4.0))
+    levels = made._every_motion().column("amplitude").reshape(6, 16)
+    edges = np.geomspace(1.5, 4.0, 17)
+    assert np.all((levels >= edges[:-1]) & (levels <= edges[1:]))
+    # Each record has other levels, which do not depend on the order of the records or on a seed.
+    assert len(np.unique(levels)) == levels.size
+    other = problem(RECORDS[5::-1], (4.0, 1.5), seed=3)._every_motion(made.scatter, 7)
+    np.testing.assert_array_equal(other.column("amplitude").reshape(6, 16)[::-1], levels)
+    assert next(iter(made.levels)) == "1.5 to 1.6"
+    assert [rows.sum() for rows in made.levels.values()] == [6] * 16
+    # Linear runs compare variations at the stated levels, and a single level has no strata.
+    linear = made.paired_runs(DESIGN, 0, Variation(equations="linear"))
+    assert (linear.pairs, linear.annual_rates) == (18, None)
+    one = problem(RECORDS[:6], (2.0,))
+    assert (one.limit_runs, one.levels) == (6, {})
+    assert set(one._every_motion().column("amplitude")) == {2.0}
+
+
+def test_the_sentence_on_pulses_has_the_shortest_period_and_the_smallest_peak_that_overturn():
+    pulses = [tpd.Pulse.ricker(acceleration=4.0, frequency=1.0 / period) for period in (0.7, 1.0, 1.5, 2.0)]
+    conditions = tpd.Conditions.records(pulses, (0.9, 1.1), intensity="scale")
+    given = {"limits": (), "validation_share": 0.0, "ensemble": UNSCATTERED}
+    made = GroundMotionProblem.of(BLOCK, conditions, **given)
+    runs = made.validation_runs(None, 0)
+    rows = [
+        (1.0 / pulses[i // 16].frequency, made.stated_motions[i].pga)
+        for i in np.flatnonzero(runs.is_overturned)
+    ]
+    period, pga = map(min, zip(*rows, strict=True))
+    assert 0.7 < period < 2.0
+    least = f"a period of {period:g} s and from a PGA of {pga / 9.80665:.3g} g on, in {len(rows)} of 64 runs"
+    assert made.first_overturning(runs) == f"pulses overturn the block from {least}"
+    none = dataclasses.replace(runs, outcome=np.zeros_like(runs.outcome))
+    assert made.first_overturning(none) == "no pulse of the band overturns the block"
+    assert problem().first_overturning(runs) == ""
+
+
+def test_the_sign_of_a_motion_has_no_effect_because_block_and_pendulum_are_symmetric():
+    tilts = []
+    for sign in (1.0, -1.0):
+        motions = [record.scaled(sign) for record in RECORDS[:3]]
+        made = problem(motions, (1.3, 2.0), validation_share=0.0, ensemble=UNSCATTERED)
+        tilts.append(made.trial_runs(DESIGN, 0, "nonlinear").tilt)
+    np.testing.assert_allclose(*tilts, rtol=1e-9)
 
 
 def test_runs_without_a_result_count_neither_as_overturned_nor_as_rest(monkeypatch):
@@ -199,16 +242,19 @@ def with_hazard(hazard=SITE, scales=(1.3, 2.0, 5.0), **given) -> GroundMotionPro
 
 
 def test_annual_rates_come_from_the_counted_validation_runs():
-    p = with_hazard()
+    p = with_hazard(validation_share=0.5)
     runs = p.paired_runs(DESIGN, 0)
     rates = runs.annual_rates
-    # The benefit counts 10 motions of 5 earthquakes at three levels, which are PGA over g tan(alpha).
+    # The benefit counts 10 motions of 5 earthquakes at 16 levels of PGA over g tan(alpha).
     assert rates.earthquakes == 5
-    assert rates.stripes == pytest.approx([x * float(BLOCK.slenderness) for x in (1.3, 2.0, 5.0)])
+    edges = np.geomspace(1.3, 5.0, 17) * float(BLOCK.slenderness)
+    np.testing.assert_allclose(rates.edges, edges)
     for rate, case in zip(rates.cases, (runs.without_pendulum, runs.with_pendulum), strict=True):
-        hits = case.is_overturned[runs.counted].astype(float).reshape(10, 3)
-        fit = fit_lognormal(rates.stripes, hits)
-        assert rate.mean == SITE.annual_rate(fit.median, fit.dispersion)
+        share = case.is_overturned[runs.counted].reshape(10, 16).mean(axis=0)
+        above = SITE.exceeding(edges)
+        # The share of the last level also counts above it.
+        expected = share @ -np.diff(above) + share[-1] * above[-1]
+        assert rate.mean == pytest.approx(expected, rel=1e-12)
     assert p.yearly(rates) == rates.sentences
     # All motions count without a pendulum, because none of them was used.
     alone = p.annual_rates([runs.without_pendulum])
@@ -218,12 +264,12 @@ def test_annual_rates_come_from_the_counted_validation_runs():
 RATE = tpd.limits.Requirements(reduce="rate")
 
 
-def test_a_required_rate_needs_a_hazard_and_three_levels():
+def test_a_required_rate_needs_a_hazard_and_two_levels():
     assert with_hazard(requirements=RATE).requirements.reduce == "rate"
-    message = r"ground motions of 3 levels \(`scales`\) or more, but there are "
+    message = r"ground motions of 2 levels \(`scales`\) or more, but there are "
     for given, have in (
-        ({"hazard": None}, "3 levels and no hazard"),
-        ({"scales": (1.3, 2.0)}, "2 levels and a"),
+        ({"hazard": None}, "several levels and no hazard"),
+        ({"scales": (1.3,)}, "no levels and a"),
     ):
         with pytest.raises(ValueError, match=message + have):
             with_hazard(**given, requirements=RATE)

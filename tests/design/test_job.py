@@ -161,18 +161,40 @@ def test_a_job_states_accelerations_in_g():
     assert one.shaking.pga == pytest.approx(0.3 * g)
 
 
+def test_records_on_a_building_keep_the_intensity_of_the_ground():
+    site = {"building_period": 0.35, "building_damping": 0.05}
+    ground, roof = (jobs.job_of({"excitation": RECORDS, "site": x}) for x in ({}, site))
+    for one, other in zip(ground.motions, roof.motions, strict=True):
+        assert other.at_ground == one
+        assert float(other.pga) > 1.5 * float(one.pga)
+    # The factors on the records are those of the ground.
+    assert motion_factors(roof.scene, roof.conditions) == pytest.approx(
+        motion_factors(ground.scene, ground.conditions)
+    )
+    with pytest.raises(ValueError, match=r"`site\.building_damping` requires a building"):
+        jobs.job_of({"excitation": RECORDS, "site": {"building_damping": 0.1}})
+
+
 def test_the_keys_of_a_job_determine_the_kind_of_excitation():
     assert jobs.job_of({}).kind == "harmonic"
     pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
     assert pulse.kind == "pulse"
     assert pulse.scene.excitation == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
     c = pulse.conditions
-    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (1.0,), 0.0)
+    # By default the conditions are a band of periods and of sizes.
+    assert [1.0 / m.frequency for m in c.motions] == pytest.approx([0.35, 0.425, 0.5, 0.575, 0.65])
+    assert {m.pga for m in c.motions} == {pulse.scene.excitation.pga}
+    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (0.9, 1.0, 1.1), 0.0)
+    one = {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5, "pulse_band": [0, 0]}
+    c = jobs.job_of({"excitation": one}).conditions
+    assert (c.motions, c.scales) == (pulse.motions, (1.0,))
+    with pytest.raises(ValueError, match=r"\[excitation\] `pulse_band` must be between 0 and 0.5"):
+        _ = jobs.job_of({"excitation": one | {"pulse_band": [0.6, 0.0]}}).conditions
     job = jobs.job_of({"excitation": RECORDS})
     assert job.kind == "records"
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
     c = job.conditions
-    assert (c.intensity, c.scales, job.validation_share) == ("pga_star", (2.0, 3.0), 0.5)
+    assert (c.intensity, c.scales, job.validation_share) == ("pga_star", (2.0, 3.0), None)
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
     asked = GroundMotionProblem.of(job.block, job.conditions)
     for name in ("space", "risk", "limits", "method", "requirements", "ensemble"):

@@ -273,7 +273,7 @@ def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
     return paired(with_it, np.full(4 * count, 0.5), cluster=quakes)
 
 
-def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
+def test_earthquakes_that_decide_are_quoted_with_their_plain_interval():
     v = validated(in_earthquakes(), of=Once)
     assert v.reasons == ()
     assert v.status is DesignStatus.not_to_be_built
@@ -282,35 +282,8 @@ def test_runs_that_also_decided_are_quoted_with_conditional_intervals():
     ]
     walls = {"limits": (tpd.limits.Clearance(),), "conditions": SMALL["conditions"]}
     assert NoisyProblem.of(**walls).missing == []
-    assert v.reported_runs.with_pendulum is v.deciding_runs.with_pendulum
-    alone, quoted = v.deciding_runs.benefit, v.reported_runs.benefit
-    assert alone.low > 0.05
-    assert quoted.low < alone.low
-    assert quoted.mean < alone.mean
-    assert quoted.high <= alone.high
-    # The runs themselves stay as they are, and a benefit far above the required one as well.
-    assert v.reported_runs.change("mean tilt") == v.deciding_runs.change("mean tilt")
-    assert v.reported_runs.unconditional.benefit == alone
-    sure = validated(in_earthquakes(gain=0.8), of=Once)
-    for end in ("low", "mean", "high"):
-        assert getattr(sure.reported_runs.benefit, end) == pytest.approx(
-            getattr(sure.deciding_runs.benefit, end), abs=1e-4
-        )
-    # The margin is what the reduction could lose until the same runs would not pass.
-    measure, margin = v.reported_runs.passed
-    assert measure == "tilt"
-    assert margin == pytest.approx(min(alone.mean - 0.1, alone.low - 0.05))
-
-
-def test_quoted_earthquakes_do_not_decide():
-    """With enough earthquakes one half decides, and the other one is quoted."""
-    runs = in_earthquakes(80)
-    v = validated(runs)
-    assert v.reported_runs.passed is None
-    assert not np.any(v.deciding_runs.counted & v.reported_runs.counted)
-    assert np.all(v.deciding_runs.counted | v.reported_runs.counted)
-    for half, of in enumerate((v.deciding_runs, v.reported_runs)):
-        assert set(runs.cluster[of.counted]) == set(range(half, 80, 2))
+    assert v.reported_runs is v.deciding_runs
+    assert v.own_runs is v.runs.with_pendulum
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.0])

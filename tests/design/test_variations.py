@@ -10,7 +10,6 @@ import pytest
 import tpd
 from tests import designs
 from tests.designs import SCENE, outcomes, paired, with_block
-from tpd.answers.paired import Decision
 from tpd.answers.run_table import follow_scaled
 from tpd.compiled.columns import NU, F
 from tpd.design import variations
@@ -223,9 +222,6 @@ def test_the_equivalent_widening_has_the_measure_and_clusters_of_the_decision():
     )
     assert by_quake.widening == by_run.widening
     assert by_quake.high - by_quake.low > by_run.high - by_run.low
-    decision = Decision("overturning", 0.1)
-    assert worth(overturned(15), overturned(40), overturned(30), passed=decision).same_runs
-    assert not by_run.same_runs
     # Only counted runs matter: the first half overturns in all cases but one.
     half = worth(overturned(15), overturned(40), overturned(30), overturned(10), counted=np.arange(100) < 20)
     assert half.widening == pytest.approx(0.15)

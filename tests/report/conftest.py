@@ -40,7 +40,8 @@ def ground() -> Design:
     """A search under two built-in records, too few for a verdict."""
     records = tpd.records.el_centro(), tpd.records.loma_prieta()
     conditions = tpd.Conditions.records(records, (2.0, 3.0))
-    return tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(designs=4, steps=2))
+    how = {"method": tpd.GroundSearch(designs=4, steps=2), "validation_share": 0.5}
+    return tpd.optimise(COLUMN, conditions=conditions, **how)
 
 
 @functools.cache

@@ -182,3 +182,10 @@ def test_the_note_on_overturning_names_the_stated_condition():
     assert f"under 1 of {n} conditions, among them the stated one, and without it under 1." in note.text
     assert "causes overturning under 0, and" in note.text
     assert note.severity is Severity.note
+
+
+def test_designs_of_cross_fitting_outside_of_the_range_of_equal_performance_are_a_note():
+    design = dataclasses.replace(harmonic(), equivalent=np.array([[0.05, 0.3, 0.1], [0.1, 0.5, 0.2]]))
+    for masses, differ in (((0.06, 0.09), False), ((0.04, 0.09), True), ((0.06, 0.11), True)):
+        crossed = np.array([[mass, 0.4, 0.15] for mass in masses])
+        assert said(changed(design, crossed=crossed), "lead to different pendulums") is differ

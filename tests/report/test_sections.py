@@ -47,13 +47,13 @@ def test_a_group_with_a_larger_tilt_is_marked():
 
 
 def test_the_table_under_records_states_that_it_covers_all_groups():
-    design = ground()
+    design = dataclasses.replace(ground(), validated=(ground().searched,))
     table, chance, rates, _ = sections.over_runs(design)
     assert rates.text == f"{HOW_TO}."
-    assert design.runs.description.startswith("2 paired runs")
+    assert design.runs.description.startswith("16 paired runs")
     assert "1 earthquake" in design.runs.description
     assert "1 earthquakes" not in design.runs.description
-    assert table.caption.startswith("All 4 runs of all groups.")
+    assert table.caption.startswith("All 32 runs of all groups.")
     # Runs of one earthquake are not independent.
     assert "p =" not in chance.text
 

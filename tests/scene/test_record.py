@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import tpd
 from tpd import Record
 
 TRIANGLE = [0.0, 1.0, 0.0, -2.0, 0.0]
@@ -93,3 +96,29 @@ def test_the_peak_velocity_between_two_samples_has_a_gradient():
         step = 1e-6 * np.eye(4)[i]
         high, low = (Record(record.acceleration + s, 0.02).pgv for s in (step, -step))
         assert slope == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("period", "damping"), [(0.5, 0.05), (2.0, 0.2)])
+def test_a_building_amplifies_a_long_sine_as_an_oscillator_does(period, damping):
+    times = np.arange(20_000) * 0.002
+    ground = tpd.Record(np.sin(2.0 * np.pi * times), 0.002).scaled(3.0)
+    roof = ground.on_building(period, damping)
+    # Transmissibility of an oscillator; the last seconds are a steady state.
+    r = period
+    expected = math.sqrt((1.0 + (2.0 * damping * r) ** 2) / ((1.0 - r**2) ** 2 + (2.0 * damping * r) ** 2))
+    steady = roof.acceleration_at(times[15_000:])
+    assert np.abs(steady).max() == pytest.approx(3.0 * expected, rel=2e-4)
+    # The record ends at rest, and intensities are those of the ground.
+    assert np.abs(roof.acceleration[-5:]).max() < 0.02 * np.abs(roof.acceleration).max()
+    assert float(roof.at_ground.pga) == float(ground.pga)
+    assert float(roof.scaled_to(pga=1.0).at_ground.pga) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="must be one of the ground"):
+        roof.on_building(1.0)
+
+
+def test_a_stiff_building_gives_the_motion_of_the_ground():
+    ground = tpd.records.el_centro()
+    roof = ground.on_building(0.01, 0.05)
+    times = np.arange(2000) * 0.01
+    error = roof.acceleration_at(times) - ground.acceleration_at(times)
+    assert np.abs(error).max() < 0.02 * float(ground.pga)

@@ -19,17 +19,15 @@ from tpd.answers.run_table import UNANSWERED_ROW, Runs
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
-    added_up,
     chance_of,
     chance_of_either,
     change,
-    conditional_interval,
     fall,
     is_positive,
 )
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed, aligned, ends
+from tpd.core.formatting import Printed, aligned
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_without_pendulum
@@ -68,15 +66,6 @@ class Change(NamedTuple):
     def difference(self) -> float:
         """Value with the pendulum minus value without it."""
         return self.with_pendulum - self.without_pendulum
-
-
-class Decision(NamedTuple):
-    """Decision by which runs were chosen."""
-
-    measure: str
-    """Measure that decided, "overturning" or "tilt"."""
-    excess: float
-    """How much smaller its reduction could be in these runs until the decision would be another one."""
 
 
 class Overturned(NamedTuple):
@@ -123,8 +112,6 @@ class PairedRuns(Printed):
         labels: names of the groups.
         cluster: number of the earthquake of each run; None if all runs are independent.
         counted: whether the benefit counts each run; None for all runs.
-        passed: decision that these runs passed and for which alone they are quoted; None if they did not
-            decide. Benefit and reduction of overturning account for it.
         worse: relative increase of the mean severity that is allowed in a part.
     """
 
@@ -140,9 +127,6 @@ class PairedRuns(Printed):
     """Number of the earthquake of each run; None if all runs are independent."""
     counted: np.ndarray | None = None
     """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
-    passed: Decision | None = None
-    """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
-    Benefit and reduction of overturning are estimates given this decision (truncated normal)."""
     worse: float = TILT_TOLERANCE
     """Relative increase of the mean severity that is allowed in a part."""
     annual: Callable[[PairedRuns], Any] | None = None
@@ -191,20 +175,6 @@ class PairedRuns(Printed):
     def _clusters(self, rows: np.ndarray) -> np.ndarray | None:
         return None if self.cluster is None else self.cluster[rows]
 
-    def half(self, which: int) -> PairedRuns:
-        """Return the runs, of which the benefit counts only the first (0) or the second (1) half of the
-        earthquakes. Independent runs all count."""
-        if self.cluster is None:
-            return self
-        every = np.ones(len(self.group), dtype=bool) if self.counted is None else self.counted
-        earthquakes = np.unique(self.cluster[every])[which::2]
-        return replace(self, counted=every & np.isin(self.cluster, earthquakes))
-
-    @property
-    def unconditional(self) -> PairedRuns:
-        """These runs without regard to the decision that they passed."""
-        return replace(self, passed=None)
-
     @cached_property
     def benefit(self) -> Interval:
         """Relative reduction of the mean severity, with its 95 % interval; NaN without any pair."""
@@ -224,24 +194,13 @@ class PairedRuns(Printed):
         return self.annual and self.annual(self)
 
     def _reduction(self, measure: str) -> Interval:
-        with_pendulum, without_pendulum = pair = self._pair(measure)
+        with_pendulum, without_pendulum = self._pair(measure)
         # A relative reduction of zero overturned runs has no meaning.
         if measure == "overturning" and not without_pendulum.any():
             return Interval(np.nan, np.nan, np.nan)
         clusters = self._clusters(self.rows)
         # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
-        of = fall(with_pendulum, without_pendulum, clusters, least=LEAST if measure == "tilt" else 0.0)
-        if self.passed is None:
-            return of
-        criterion = self.unconditional.reduction(self.passed.measure)[0]
-        # By how much each earthquake contributes to the deviation of both reductions from their means.
-        x, y = (
-            added_up((1.0 - by.mean) * without - with_it, clusters)
-            for by, (with_it, without) in ((of, pair), (criterion, self._pair(self.passed.measure)))
-        )
-        size = np.sqrt((x @ x) * (y @ y))
-        correlation = float(x @ y / size) if size else 1.0
-        return conditional_interval(of, criterion, self.passed.excess, correlation)
+        return fall(with_pendulum, without_pendulum, clusters, least=LEAST if measure == "tilt" else 0.0)
 
     def reduction_minus(self, other: PairedRuns, measure: str) -> Interval:
         """Return the reduction of "overturning" or "tilt" in these runs minus the reduction in other runs of
@@ -284,8 +243,7 @@ class PairedRuns(Printed):
             # unknown ratio is NaN, and has not fallen.
             ratio = self.annual_rates.ratio
             of = Interval(1.0 - ratio.mean, 1.0 - ratio.high, 1.0 - ratio.low)
-            gain = of if self.passed is None else conditional_interval(of, of, self.passed.excess)
-            return gain, of.low > 0.0
+            return of, of.low > 0.0
         return self.benefit, self.change("mean tilt").high < 0.0
 
     def excess_reduction(self, measure: str, least: float, low: float) -> float:
@@ -437,9 +395,6 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        if self.passed is not None and around:
-            allows = "95 % interval, which allows for the decision by the same runs"
-            return f"{ends(self.benefit.low, self.benefit.high)} less tilt ({allows})"
         return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property

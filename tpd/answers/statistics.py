@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import bdtr, log_ndtr, ndtri, stdtrit
+from scipy.special import bdtr, ndtri, stdtrit
 
 from tpd.core.formatting import confidence, interval, percent
 
@@ -28,9 +28,6 @@ LEVEL = 0.95
 _WEIGHT = 1.2
 """Weight, in runs, of each of the two runs that are added to paired runs. If differences in one direction are
 rare, the smallest coverage is 94.3 % with this weight and 93.2 % with a weight of 1."""
-_FARTHEST = float(ndtri(0.999) / ndtri(0.975))
-"""Largest distance of the lower end of a conditional interval from the mean, in distances of the lower end of
-the usual interval: the end of a one-sided interval of 99.9 %. Without it some lower ends are infinite."""
 _MANY = 1e12
 """Degrees of freedom above which Student's distribution equals the normal distribution."""
 _MOST_GROWTH = 9.0
@@ -88,48 +85,6 @@ class Interval:
         low, high = (self.low, self.high) if less else (-self.high, -self.low)
         around = f" {confidence(low, high)}" if math.isfinite(low) else ""
         return less, percent(abs(self.mean)), around
-
-
-def conditional_interval(
-    of: Interval, criterion: Interval, excess: float, correlation: float = 1.0
-) -> Interval:
-    """Return the interval of a mean that is quoted only because its own sample passed a decision.
-
-    A sample passes if one of its means is above a threshold. Given that it passes, this mean has a normal
-    distribution that is truncated at the threshold (H. Zhong and R. L. Prentice, Biostatistics 9, 2008). The
-    interval contains the true values for which the mean of the sample is neither among the lowest nor among
-    the highest 2.5 % of this distribution. The new mean is the true value for which it is the median. For a
-    mean that did not decide, the distance from the threshold in standard errors is divided by the correlation
-    with the mean that did (J. D. Lee, D. L. Sun, Y. Sun and J. E. Taylor, Ann. Statist. 44, 2016).
-
-    The standard errors are those that the usual intervals imply for a normal distribution. As in the hybrid
-    intervals of I. Andrews, T. Kitagawa and A. McCloskey (Q. J. Econ. 139, 2024), a very wide usual interval
-    bounds the lower end. The upper end is at least the mean of the sample.
-
-    Args:
-        of: mean with its usual interval.
-        criterion: mean that decided, with its usual interval.
-        excess: distance of the mean that decided from the threshold.
-        correlation: correlation of both means.
-
-    Example:
-        >>> of = Interval(0.2, 0.1, 0.3)
-        >>> [conditional_interval(of, of, excess).fall_in_words()[1:] for excess in (0.05, 0.5)]
-        [('18 %', ' (95 % interval 4 to 30 %)'), ('20 %', ' (95 % interval 10 to 30 %)')]
-    """
-    if not (math.isfinite(of.low) and correlation > 0.0):
-        return of
-    quantile = float(ndtri(0.5 * (1.0 + LEVEL)))
-    passed = excess / (criterion.mean - criterion.low) * quantile / correlation
-    # Distance of the sample from possible true values in standard errors, and the probability that a sample
-    # that passes has at least this mean. This probability increases with the true value.
-    truths = np.linspace(of.mean - _FARTHEST * (of.mean - of.low), of.high, 2001)
-    width = np.where(truths <= of.mean, of.mean - of.low, of.high - of.mean)
-    distance = (of.mean - truths) / width * quantile
-    chance = np.exp(log_ndtr(-distance) - log_ndtr(passed - distance))
-    low, mean, high = np.interp((0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL)), chance, truths)
-    # Very close to the threshold the upper end would fall to the bound of the lower end.
-    return Interval(float(mean), float(low), max(float(high), of.mean))
 
 
 def unseen(n: int) -> float:

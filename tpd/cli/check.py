@@ -6,6 +6,8 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from tpd.answers.compare_models import MEANING
 from tpd.answers.motion_history import sliding
 from tpd.cli import common, outputs
@@ -18,7 +20,8 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.reasons import reduction
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Validation, validate
+from tpd.design.stored_design import read_design
+from tpd.design.validate import Crossed, Validation, validate
 from tpd.engines import mujoco
 from tpd.limits import Mass
 from tpd.report import summary, words
@@ -48,10 +51,15 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         return _check_by_engine(scene, pendulum, options)
     if options.runs is not None:
         raise ValueError("--runs has an effect only together with --engine")
-    problem = _problem_of(job, options.seed)
+    problem, crossed = _problem_of(job, options.seed), None
+    # All earthquakes count for a pendulum that they did not choose.
+    if options.design is None:
+        problem = problem.of_all
+    elif designs := read_design(options.design).crossed:
+        crossed = Crossed.of(problem, np.array(designs)) if len(problem.crossed) == len(designs) else None
     common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
     with Bar() as bar:
-        lines, is_sound = _check_by_models(job, problem, pendulum, bar)
+        lines, is_sound = _check_by_models(problem, pendulum, crossed, bar)
     print_answer("", *lines)
     _write(options, "\n".join(lines))
     return SOUND if is_sound else UNSOUND
@@ -76,7 +84,7 @@ def _problem_of(job: Job, seed: int | None) -> Problem:
 
 
 def _check_by_models(
-    job: Job, problem: Problem, pendulum: Pendulum | None, bar: Bar
+    problem: Problem, pendulum: Pendulum | None, crossed: Crossed | None, bar: Bar
 ) -> tuple[list[str], bool]:
     """Solve the motion by several models and validate the pendulum as `tpd optimise` does.
 
@@ -94,7 +102,8 @@ def _check_by_models(
     if pendulum is None:
         return [*table, "NOT RECOMMENDED: the report has no pendulum."], False
     # `thorough` simulates the validation runs also for a pendulum that exceeds a limit, which a search skips.
-    validation = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
+    how: dict[str, Any] = {"crossed": crossed, "thorough": True, "progress": bar}
+    validation = validate(problem, problem.ratios(pendulum), **how)
     sentences = _ratios_outside(validation, problem.space)
     runs = validation.runs
     if runs is not None:

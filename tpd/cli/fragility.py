@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.annual_rates import annual_rates
+from tpd.answers.annual_rates import AnnualRates, annual_rates
 from tpd.answers.fragility import Fragility, fragility
 from tpd.answers.motion_history import sliding
 from tpd.answers.run_table import CASE_KEYS
@@ -18,14 +18,18 @@ from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import files
 from tpd.core.checks import PLAUSIBLE
-from tpd.core.progress import Bar
+from tpd.core.formatting import number
+from tpd.core.progress import Bar, Progress
+from tpd.design.assess import problem_alone
 from tpd.design.job import Job
+from tpd.design.validate import run_seed
 from tpd.records.intensity import intensity_of, measure_of
 from tpd.records.read import in_words
 from tpd.report.blocks import Code, Section, wrapped
 from tpd.report.files import add_to
 from tpd.report.json import json_of
-from tpd.scene.hazard import HOW_TO
+from tpd.scene.conditions import Conditions
+from tpd.scene.hazard import HOW_TO, MOST_DISPERSION, Hazard
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
@@ -58,10 +62,12 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             cluster=cluster,
             progress=lambda done, total: bar("ground motions", done, total),
         )
+        rates = None if hazard is None else _rates(job, pendulum, curves, options.period, bar)
     scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
     friction = wrapped(sliding(scene, scaled, pendulum).sentence)
-    rates = None if hazard is None else annual_rates(curves, hazard, seed=job.seed)
     yearly = (HOW_TO,) if rates is None else rates.sentences
+    if hazard is not None:
+        yearly = *yearly, *_by_curve(curves, hazard)
     lines = [str(curves), *(line for text in yearly for line in wrapped(f"{text}.")), *friction]
     print_answer("", *lines)
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
@@ -73,6 +79,39 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     for path in add_to(options.design, Section("Fragility under earthquakes", (answer,))):
         print(f"written: {path}")
     return SOUND
+
+
+def _rates(
+    job: Job, pendulum: Pendulum | None, curves: Fragility, period: float | None, progress: Progress
+) -> AnnualRates:
+    """Return the annual rates of the validation runs, as in the other commands.
+
+    They have levels between the first and the last stripe. Runs at the stripes give the rates if there is one
+    stripe, or if the intensity is a spectral acceleration.
+    """
+    hazard = job.hazard
+    assert hazard is not None
+    if period is not None or len(curves.stripes) == 1:
+        return annual_rates(curves, hazard)
+    conditions = Conditions.records(job.motions, curves.stripes, intensity=job.intensity, hazard=hazard)
+    problem = problem_alone(job.scene, **(job.settings | {"conditions": conditions}))
+    designs = [None, *([] if pendulum is None else [problem.ratios(pendulum)])]
+    how = {"seed": run_seed(problem, 0, 0), "progress": partial(progress, "runs for the annual rate")}
+    return problem.annual_rates([problem.validation_runs(x, **how) for x in designs])
+
+
+def _by_curve(curves: Fragility, hazard: Hazard) -> Iterator[str]:
+    """Yield a sentence on the return periods by the fitted curves, and on the misfit of the curves."""
+    fits = [case["overturned"] for case in curves.cases if "overturned" in case]
+    if fits and all(
+        0.0 < c.fit.median < math.inf and 0.0 < c.fit.dispersion <= MOST_DISPERSION for c in fits
+    ):
+        factor = hazard.factor(curves.measure)
+        years = (1.0 / hazard.annual_rate(factor * c.fit.median, c.fit.dispersion) for c in fits)
+        listed = " and ".join(number(float(x), 3) for x in years)
+        misfit = max(float(np.nanmax(np.abs(c.shares - c.fit.probability(curves.stripes)))) for c in fits)
+        points = f"differ from the shares of the runs by at most {number(100.0 * misfit, 2)} points"
+        yield f"By the fitted curves the return period is {listed} years; the curves {points}"
 
 
 def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility, rates: Any) -> Iterator[tuple[str, str]]:

@@ -36,6 +36,7 @@ BLOCK = _options(
 ) + _options("frame", "width height")
 HARMONIC = _options("excitation", "amplitude frequency")
 PULSE = _options("excitation", "pulse pulse_frequency cycles phase pga")
+PULSES = (*PULSE, *_options("excitation", "pulse_band"))
 READING = _options("excitation", "channel dt unit baseline columns skip factor")
 # Commands that simulate one motion have `--record` and `--scale`. The others have `--records` and `--scales`.
 _RECORD = Option("excitation", "records", "--record FILE", help="file, or name such as el-centro", one=True)
@@ -64,7 +65,7 @@ CONDITIONS = (
     Option("starts", "kind", "--from-rest", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options("search", "optimiser searches designs steps"),
+    *_options("search", "method optimiser searches designs steps"),
     *_options("requirements", "at_least reduce wall_contacts"),
     *_options("search", "seed"),
 )
@@ -120,10 +121,10 @@ def _add_scene(command: Parser, *motions: Option) -> None:
     )
     _add_group(command, "block", BLOCK, block)
     command.add_argument_group("excitation", "One of these kinds. It replaces the motion of the job file.")
-    kinds = {"harmonic": HARMONIC, "pulse": PULSE, "files of records": READING}
+    kinds = {"harmonic": HARMONIC, "pulse": PULSES, "files of records": READING}
     records = [option for option in motions if not any(option in kind for kind in kinds.values())]
     # Each command has some of the kinds of motion. The options for reading files come last.
-    for title, kind in {"harmonic": HARMONIC, "pulse": PULSE, "records": records, **kinds}.items():
+    for title, kind in {"harmonic": HARMONIC, "pulse": PULSES, "records": records, **kinds}.items():
         if options := [option for option in motions if option in kind]:
             _add_group(command, title, options)
 
@@ -192,12 +193,12 @@ def _record(command: Parser) -> None:
 
 
 def _assess(command: Parser) -> None:
-    _add_job(command, *HARMONIC, *PULSE, _RECORD, *RECORDS)
+    _add_job(command, *HARMONIC, *PULSES, _RECORD, *RECORDS)
     _add_group(command, "conditions", CONDITIONS)
 
 
 def _optimise(command: Parser) -> None:
-    _add_job(command, *HARMONIC, *PULSE, *RECORDS, *_options("excitation", "validation_share"))
+    _add_job(command, *HARMONIC, *PULSES, *RECORDS, *_options("excitation", "validation_share"))
     _add_group(command, "design space and limits", DESIGN)
     conditions = _add_group(command, "conditions", CONDITIONS)
     # One option sets many keys of the table [scatter], so it is no `Option`.
@@ -213,7 +214,7 @@ def _optimise(command: Parser) -> None:
 
 
 def _check(command: Parser) -> None:
-    _add_case(command, *HARMONIC, *PULSE, _RECORD, _SCALE, *RECORDS)
+    _add_case(command, *HARMONIC, *PULSES, _RECORD, _SCALE, *RECORDS)
     # The other limits come from the job: a check uses those with which the pendulum was designed.
     NO_WALLS.add(command)
     _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)

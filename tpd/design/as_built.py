@@ -266,7 +266,7 @@ def details(design: Design, *, progress: Progress = unreported) -> Details:
     out = Details(
         build=build_of(design),
         variations=rows,
-        first_guess=follow_guess(problem, runs) if runs else None,
+        first_guess=None if runs is None or problem.has_earthquakes else follow_guess(problem, runs),
         equivalent_widening=equivalent_widening(design.best, rows),
     )
     scene = design.scene

@@ -21,7 +21,6 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.validate import run_seed
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
@@ -64,17 +63,24 @@ class Assessment(Printed):
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         varied = f"{problem.begin_of_runs} {scatter}"
-        lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
+        first, lines = problem.first_overturning(self.runs), list[str]()
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
-            # The conditions of a harmonic are no sample, so their share has no interval.
-            is_sample = problem.has_earthquakes or runs is self.runs
-            for at, rows in levels.items() or [("", slice(None))]:
-                lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")
+            # The conditions of a harmonic and pulses are no sample, so their share has no interval.
+            is_sample = not first if problem.has_earthquakes else runs is self.runs
+            lines.append(f"{name}: {_outcome(runs, is_sample)}.")
+        # Pulses have few runs at each level.
+        if problem.levels and not first:
+            head = "share of the runs that overturn, stated block (block that varies)"
+            lines.append(f"{problem.measure_in_words}: {head}")
+            for name, rows in problem.levels.items():
+                shares = (percent(x.of(rows).share_overturned.value, 1) for x in (self.stated, self.runs))
+                lines.append("  {}: {} ({})".format(name, *shares))
         # The share depends much on the start, and a structure is at rest before it is shaken.
         starts = self.runs.starts if len(self.runs.starts) > 1 else {}
         for kind, rows in starts.items():
             lines.append(f"Of these runs, {kind}: {_outcome(self.runs.of(rows), True)}.")
-        lines += [f"{text}." for text in problem.yearly(problem.annual_rates([self.runs]))]
+        more = [first[0].upper() + first[1:]] if first else []
+        lines += [f"{text}." for text in (*more, *problem.yearly(problem.annual_rates([self.runs])))]
         friction = sliding(problem.scene, problem.stated_motions)
         # If the base slides, the runs do not describe the block.
         lines.insert(0 if friction.slides else len(lines), friction.sentence)
@@ -169,15 +175,9 @@ def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **sett
     block = scene if isinstance(scene, Block) else scene.block
     if block.cavity_width is None and block.frame_width is None:
         inputs["limits"] = ()
-    # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
-    # divided.
-    motions = () if conditions is None else conditions.motions
-    if (
-        motions
-        and len(set(events_of(motions))) == 1
-        and not isinstance(settings.get("validation_share"), Mapping)
-    ):
-        inputs["validation_share"] = 0.0
+    # No search uses the motions, so that none of them is held out.
+    if not isinstance(settings.get("validation_share"), Mapping):
+        inputs["validation_share"] = None
     return problem_of(scene, **inputs)
 
 

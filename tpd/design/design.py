@@ -50,7 +50,9 @@ class Design(Printed):
     status: DesignStatus
     """Verdict on the design."""
     validated: tuple[Validation, ...] = ()
-    """Designs that were validated, in order. The last one is recommended if there is no reason against it."""
+    """Designs that were validated, in order. The last one is recommended if there is no reason against it.
+    Under ground motions the pendulum of the rule of thumb is the first one, or the last one if it is
+    recommended."""
     trials: Trials | None = None
     """Designs that were evaluated by trial runs; None if no pendulum is needed."""
     search: Search | None = None
@@ -58,6 +60,9 @@ class Design(Printed):
     equivalent: np.ndarray | None = None
     """Smallest and largest (mu, lam, zeta), shape (2, 3), of the designs that perform equally well within the
     accuracy of the trial runs; None if this is not known."""
+    rule: Validation | None = None
+    """Pendulum of the rule of thumb, which all earthquakes validate; None under harmonic excitation, and if
+    no such pendulum fits."""
 
     @property
     def scene(self) -> Scene:
@@ -113,6 +118,11 @@ class Design(Printed):
     def runs(self) -> PairedRuns | None:
         """Validation runs of the best design that the report quotes; None if there are none."""
         return None if self.best is None else self.best.runs
+
+    @property
+    def searched(self) -> Validation | None:
+        """Last design of the search that was validated; None if there is none."""
+        return next((v for v in reversed(self.validated) if v is not self.rule), None)
 
     @property
     def is_danger(self) -> bool:
@@ -243,9 +253,8 @@ class Design(Printed):
 
         Empty if there are no runs.
         """
-        if self.runs is None:
-            return np.zeros(0)
-        return self.runs.with_pendulum.rod_angle[self.runs.with_pendulum.stands]
+        own = self.best and self.best.own_runs
+        return np.zeros(0) if own is None else own.rod_angle[own.stands]
 
     @property
     def swing(self) -> float:
@@ -271,8 +280,8 @@ class Design(Printed):
             return {}
         problem, design = self.problem, self.best.design
         usage = {name: float(x[0]) for name, x in problem.fixed_sizes(design[None]).items()}
-        if self.runs is not None:
-            for name, x in problem.sizes_in_runs(design, self.runs.with_pendulum).items():
+        if self.best.own_runs is not None:
+            for name, x in problem.sizes_in_runs(design, self.best.own_runs).items():
                 if name in STILL:
                     # Mass and size of the body vary between the runs, but this scatter is not a motion
                     # towards the limit.

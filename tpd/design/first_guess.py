@@ -1,7 +1,9 @@
 """First guess of a pendulum by rules of thumb, before any search, and its validation runs.
 
 The guess is one of the candidates of every search. An answer compares the design with it in the same runs,
-which shows whether the search was worth its time.
+which shows whether the search was worth its time. Under ground motions the guess also has the largest mass
+that keeps the limits in runs. The benefit of a design that is made in this way has no part in its choice, and
+all earthquakes may validate it.
 """
 
 from __future__ import annotations
@@ -12,13 +14,18 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
+from tpd.answers.statistics import quantile_of
+from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
+from tpd.limits import STILL
 from tpd.scene.scene import Pendulum
 
 _DAMPING = 0.3
 """Damping ratio of the guess. Between 0.15 and 0.5 it hardly matters under earthquakes."""
-_MASSES, _LENGTHS = 24, 24
+_MASSES, _LENGTHS = 48, 24
 """Numbers of masses and lengths that are compared with the limits."""
+_STEPS = 5
+"""Number of bisections of the assumed bob angle, after which it is known within 2 degrees."""
 
 
 class FirstGuess(NamedTuple):
@@ -34,13 +41,18 @@ class FirstGuess(NamedTuple):
     """Limit that most of these runs exceed; empty if there is none."""
 
 
-def first_guess(problem: Problem) -> np.ndarray | None:
+def first_guess(problem: Problem, swing: float | None = None, damping: float = _DAMPING) -> np.ndarray | None:
     """Return the design (mu, lam, zeta) of a rule of thumb, (3,).
 
     It is the pendulum with the largest mu^(1/2) lam^(1/3) among the lengths of the rule, see
     `Problem.rule_lengths`, that keeps the limits without any run. The reduction of the tilt under earthquakes
     grows with this product up to the longest rod (notebook 17). The result is None if no such design is in
     the space.
+
+    Args:
+        problem: design space and limits.
+        swing: bob angle (rad) at which the pendulum keeps the limits; default that of the problem.
+        damping: damping ratio, as far as the space has it.
     """
     low, high = problem.space.ends
     longest, shortest = problem.rule_lengths
@@ -48,17 +60,57 @@ def first_guess(problem: Problem) -> np.ndarray | None:
     longest, shortest = min(longest, high[1]), max(shortest, low[1])
     if longest < shortest:
         return None
-    masses, zeta = np.geomspace(high[0], low[0], _MASSES), np.clip(_DAMPING, low[2], high[2])
+    masses, zeta = np.geomspace(high[0], low[0], _MASSES), np.clip(damping, low[2], high[2])
     lengths = np.geomspace(longest, shortest, _LENGTHS if longest > shortest else 1)
     designs = np.array([(mu, lam, zeta) for lam in lengths for mu in masses])
-    keeps = problem.possible(designs, problem.rule_swing)
+    keeps = problem.possible(designs, problem.rule_swing if swing is None else swing)
     # A cavity admits a light bob on a long rod, or a heavy bob on a shorter one, and the mass matters more.
     mu, lam, _ = designs.T
     return designs[np.argmax(keeps * np.sqrt(mu) * np.cbrt(lam))] if keeps.any() else None
 
 
+def rule_of_thumb(problem: Problem, progress: Progress = unreported) -> np.ndarray | None:
+    """Return the first guess with the largest mass that keeps all limits in runs, (3,); None without a guess.
+
+    The guess assumes a bob angle. If the limits depend on this angle, the damper is the strongest one of the
+    space, because a heavier bob is worth more than a weaker damper, and bisection finds the smallest assumed
+    angle for which the guess keeps the limits. Only the limited quantities count, in runs of the nonlinear
+    equations that the validation does not use, with the distance from the limits that the number of runs
+    requires.
+    """
+    guess, at_rest, runs = first_guess(problem), first_guess(problem, 0.0), 0
+
+    def keeps(design: np.ndarray) -> bool:
+        nonlocal runs
+        progress("rule of thumb", runs := runs + 1, _STEPS + 2)
+        of = problem.validation_runs(design, problem.run_seed(1, 1))
+        sizes = {n: x for n, x in problem.sizes_in_runs(design, of).items() if n not in STILL}
+        # A quantity that is unknown is no limit that is kept.
+        return all(len(x) and quantile_of(x, problem.safe_level) <= 1.0 for x in sizes.values())
+
+    # A guess that is also the one for a bob at rest does not depend on the assumed angle.
+    if at_rest is None or (guess is not None and np.array_equal(guess, at_rest) and keeps(guess)):
+        return guess
+    damped, low, high = float(problem.space.ends[1, 2]), 0.0, 2.0 * problem.rule_swing
+    best = None
+    for _ in range(_STEPS):
+        # The angle of the rule comes first, because it is in the middle.
+        middle = 0.5 * (low + high)
+        design = first_guess(problem, middle, damped)
+        if design is None:
+            high = middle
+        elif keeps(design):
+            best, high = design, middle
+        else:
+            low = middle
+    return guess if best is None else best
+
+
 def follow_guess(problem: Problem, quoted: PairedRuns) -> FirstGuess | None:
-    """Return the guess in the validation runs that the report quotes; None if there is no guess."""
+    """Return the guess in the validation runs that the report quotes; None if there is no guess.
+
+    Under ground motions `Design.rule` has these runs.
+    """
     guess = first_guess(problem)
     if guess is None:
         return None

@@ -1,8 +1,7 @@
-"""Design problem under ground motions: pulses and records, some of which are kept for the validation.
+"""Design problem under ground motions: pulses and records, and their use by the search and the validation.
 
-Two records of one earthquake are similar. All records of an earthquake are therefore used either in the
-search or in the validation. Runs of one earthquake are not independent observations: they are the clusters of
-`tpd.answers.statistics`.
+Two records of one earthquake are similar. All records of an earthquake therefore belong to the same group.
+Runs of one earthquake are not independent observations: they are the clusters of `tpd.answers.statistics`.
 """
 
 from __future__ import annotations
@@ -23,17 +22,18 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.compiled.columns import NU, F, K
 from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
+from tpd.core.formatting import number, pair_of
 from tpd.core.progress import Progress
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.refine import Refinement, refine
 from tpd.design.risk import Risk
-from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
+from tpd.design.settings import SCATTERED, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
-from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_all
-from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
+from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_each
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
@@ -42,16 +42,14 @@ from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 from tpd.theory.relative_length import relative_length
 
-_LEAST_FOR_HALVES = 80
-"""Smallest number of validation earthquakes of which one half decides and the other half is quoted. If half
-of 22 earthquakes decides, 12 % of the pendulums pass that reduce the mean tilt by 16 %, and 68 % if all
-decide. With 80 earthquakes it is 94 and 100 % (`tests.benchmarks.quoted`)."""
+LEVELS = 16
+"""Number of validation runs of each motion, at levels between the smallest and the largest stated one. With
+four levels the standard deviation of the reduction is half as large again (`tests.benchmarks.power`)."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
 _TRIAL_RUNS, _MORE_RUNS, _PULSES = 192, 384, 2
-"""Smallest numbers of runs of a trial and of a comparison, and their factor if all motions are pulses, whose
-runs are shorter. With fewer conditions each has several runs, with other samples of the quantities that
-vary."""
+"""Numbers of runs of a trial and of a comparison, and their factor if all motions are pulses, whose runs are
+shorter. With fewer conditions each has several runs, with other samples of the quantities that vary."""
 _EVENTS = 20_000
 """Largest number of events of a trial run, in addition to one for each piece of the motion. This is
 sufficient also for a bob that swings for a long time."""
@@ -69,10 +67,11 @@ resonance."""
 
 
 class Role(enum.Enum):
-    """Use of a group of motions: by the search, or by the validation."""
+    """Use of a group of motions: by the search, by the validation, or by both with cross-fitting."""
 
     tuned = "search"
     validation = "validation"
+    both = "all"
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Group:
     name: str
     """Name in reports."""
     role: Role
-    """Whether the search or the validation uses the group."""
+    """Whether the search, the validation or both use the group."""
     motions: tuple[GroundMotion, ...]
     """Ground motions of the group."""
     events: np.ndarray
@@ -96,9 +95,9 @@ class GroundMotionProblem(Problem):
 
     groups: tuple[Group, ...]  # type: ignore[misc]
     """Motions that the search uses, followed by the motions that are kept for the validation."""
-    # The same earthquakes validate both designs. The second one is validated only if the benefit of the first
-    # is sufficient and limits are the only reason against it. Otherwise several designs could be validated
-    # until the benefit of one of them is large by chance.
+    # The same earthquakes validate all designs. A second design of the search is validated only if the
+    # benefit of the first is sufficient and limits are the only reason against it. Otherwise several designs
+    # could be validated until the benefit of one of them is large by chance.
     attempts: ClassVar[int] = 2
     retries = frozenset(
         {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit, ReasonKind.slides}
@@ -111,9 +110,10 @@ class GroundMotionProblem(Problem):
         "limits": (Stroke(), Clearance()),
         "method": GroundSearch(),
         "ensemble": Ensemble(),
-        "validation_share": VALIDATION_SHARE,
+        "validation_share": None,
     }
     has_earthquakes: ClassVar[bool] = True
+    has_validation_runs: ClassVar[bool] = False
     usual_contacts: ClassVar[float] = 0.1
     begin_of_runs: ClassVar[str] = "Runs from rest with"
 
@@ -145,17 +145,9 @@ class GroundMotionProblem(Problem):
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
         checked = GroundMotionProblem.checked(scene, space=space, **inputs)
         check_ground_limits(checked["limits"])
-        groups = grouped(conditions.motions, checked.pop("validation_share"), checked["seed"])
-        # Compare by identity, because two equal records may belong to the search and to the validation.
-        tuned = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
-        which = np.asarray(conditions.which)
-        rows = np.isin(which, tuned)
-        inside = replace(
-            conditions,
-            factors={name: factor[rows] for name, factor in conditions.factors.items()},
-            motions=tuple(conditions.motions[i] for i in tuned),
-            which=np.searchsorted(tuned, which[rows]),
-        )
+        share, least = checked.pop("validation_share"), checked["method"].groups
+        groups = grouped(conditions.motions, share, checked["seed"], least)
+        inside = _with_motions(conditions, groups[0].motions)
         # Reject settings without effect, because a user would rely on them.
         for name, usual in vars(GroundMotionProblem.defaults["ensemble"]).items():
             if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
@@ -168,10 +160,9 @@ class GroundMotionProblem(Problem):
     @property
     def inputs(self) -> dict[str, Any]:
         """Inputs as in `Problem.inputs`, with the validation motions instead of the groups."""
-        validation = {g.name: g.motions for g in self.groups if g.role is Role.validation}
-        inputs = super().inputs
-        del inputs["groups"]
-        return inputs | {"validation_share": validation or 0.0}
+        inputs, others = super().inputs, {g.name: g.motions for g in self.groups if g.role is Role.validation}
+        is_crossed = inputs.pop("groups")[0].role is Role.both
+        return inputs | {"validation_share": None if is_crossed else others or 0.0}
 
     @property
     def scatter(self) -> dict[str, HalfWidth]:
@@ -181,26 +172,49 @@ class GroundMotionProblem(Problem):
     @property
     def passing_status(self) -> DesignStatus:  # type: ignore[override]
         """See `Problem.passing_status`."""
-        tuned, others = map(self._earthquakes, Role)
-        if not others:
+        counts = {
+            role: len(np.unique(np.concatenate([g.events for g in self.groups if g.role is role])))
+            for role in {g.role for g in self.groups}
+        }
+        if [*counts] == [Role.tuned]:
             return DesignStatus.tuned_only
-        return DesignStatus.recommended if min(tuned, others) >= LEAST_EARTHQUAKES else DesignStatus.too_few
+        few = min(counts.values()) < LEAST_EARTHQUAKES
+        return DesignStatus.too_few if few else DesignStatus.recommended
 
     @property
-    def has_validation_runs(self) -> bool:  # type: ignore[override]
-        """See `Problem.has_validation_runs`."""
-        return self._earthquakes(Role.validation) >= _LEAST_FOR_HALVES
+    def of_all(self) -> GroundMotionProblem:
+        """The problem in which all earthquakes validate a design, because none of them chose it."""
+        motions, events = (m for g in self.groups for m in g.motions), [g.events for g in self.groups]
+        every = Group("all records", Role.both, tuple(motions), np.concatenate(events))
+        # Without motions for the validation a verdict is on these motions only.
+        return self if len(self.groups) == 1 else replace(self, groups=(every,))
 
-    def _earthquakes(self, role: Role) -> int:
-        """Return the number of earthquakes in the groups of a role."""
-        return len(np.unique(np.concatenate([*(g.events for g in self.groups if g.role is role), []])))
+    @property
+    def crossed(self) -> tuple[tuple[GroundMotionProblem, np.ndarray], ...]:  # type: ignore[override]
+        """For each group of earthquakes the problem whose search does not use it, and whether each validation
+        run belongs to the group; empty without cross-fitting."""
+        first = self.groups[0]
+        if first.role is not Role.both:
+            return ()
+        # The numbers of earthquakes follow from their accelerations, in an order of chance.
+        events, out = np.unique(first.events, return_inverse=True)[1] % self.method.groups, []
+        for k in range(self.method.groups):
+            used = tuple(compress(first.motions, events != k))
+            conditions = _with_motions(self.conditions, used)
+            group = Group(first.name, Role.tuned, used, first.events[events != k])
+            other = replace(self, conditions=conditions, groups=(group,))
+            out.append((other, np.repeat(events == k, self._count)))
+        return tuple(out)
 
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
-        # The validation motions count as well. Conditions of the search with factors on other quantities than
-        # the amplitude are additional conditions.
-        cases = [self._every_motion(), *([self.conditions] if len(self.conditions.factors) > 1 else [])]
+        # The validation motions count as well, at the largest stated level. Conditions of the search with
+        # factors on other quantities than the amplitude are additional conditions.
+        every = replace(
+            self._every_motion(), factors={"amplitude": np.full(self.limit_runs, self._scales[-1])}
+        )
+        cases = [every, *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
         rows = np.concatenate([self._rows(None, self.scene, case) for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
@@ -237,7 +251,7 @@ class GroundMotionProblem(Problem):
     @property
     def _weakest(self) -> list[GroundMotion]:
         """Every motion at its lowest level."""
-        return self.stated_motions[:: len(self._scales)]
+        return self._scaled(self._every_motion(stated=True))[:: len(self._scales)]
 
     @property
     def scope(self) -> str:
@@ -253,6 +267,25 @@ class GroundMotionProblem(Problem):
             return hazard.level(1.0 / _CODE_PERIOD), f"once in {_CODE_PERIOD} years"
         return max(float(motion.pga) for motion in self._weakest) / gravity, "the lowest level"
 
+    def first_overturning(self, runs: Runs) -> str:
+        """See `Problem.first_overturning`."""
+        motions = [m for g in self.groups for m in g.motions]
+        if not all(isinstance(m, Pulse) for m in motions) or len(motions) == 1:
+            return ""
+        if not runs.is_overturned.any():
+            return "no pulse of the band overturns the block"
+        rows = np.flatnonzero(runs.is_overturned)
+        period = 1.0 / max(float(motions[int(runs.condition[i])].frequency) for i in rows)
+        stated = self.stated_motions
+        pga = min(float(stated[i].pga) for i in rows) / STANDARD_GRAVITY
+        least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
+        return f"pulses overturn the block from {least} on, in {len(rows)} of {len(runs.nu)} runs"
+
+    @property
+    def only_rule(self) -> bool:  # type: ignore[override]
+        """See `Problem.only_rule`."""
+        return self.method.method == "rule"
+
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""
         spread = self.space.sample(np.random.default_rng([self.seed, 7]), self.method.designs)
@@ -265,7 +298,7 @@ class GroundMotionProblem(Problem):
         # Without this variation the trials would show a smaller swing than the validation.
         least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
         least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
-        repeats = -(-least // len(self.conditions)) if self.scatter else 1
+        repeats = max(1, round(least / len(self.conditions))) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, some, Variation(equations=equations))
 
@@ -286,20 +319,24 @@ class GroundMotionProblem(Problem):
     def validation_runs(
         self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None
     ) -> Runs:
-        """See `Problem.validation_runs`. The runs are every motion of every group at every scale."""
+        """See `Problem.validation_runs`. The runs are every motion of every group at every level. A design
+        may differ between runs: then it has a row for each run."""
         scatter = self.scatter
         if varied.fixes_restitution:
             scatter.pop("restitution", None)
-        conditions = self._every_motion(scatter, seed) * varied.more
+        # Linear runs only compare variations, for which the stated levels suffice.
+        is_linear = varied.equations == Terms.linear.value
+        conditions = self._every_motion(scatter, seed, stated=is_linear) * varied.more
         runs = self._simulate(design, conditions, varied, seed=seed, progress=progress)
-        return replace(runs, cluster=self.earthquakes)
+        events = np.concatenate([g.events for g in self.groups])
+        return replace(runs, cluster=np.repeat(events, len(conditions) // len(events)))
 
     def _groups_of(self, runs: Runs) -> dict[str, Any]:
         """Return the group of motions of each run, and whether the benefit counts it: it counts only the
         motions that are kept for the validation, if there are any."""
-        # Every motion of a group has one run per scale.
-        sizes = [len(g.motions) * len(self._scales) for g in self.groups]
-        group = np.repeat(np.arange(len(self.groups)), sizes)
+        # Every motion has the same number of runs.
+        sizes = np.array([len(g.motions) for g in self.groups])
+        group = np.repeat(np.arange(len(self.groups)), sizes * (len(runs.nu) // sizes.sum()))
         counted = np.array([g.role is Role.validation for g in self.groups])[group]
         labels = tuple(g.name for g in self.groups)
         return {"group": group, "labels": labels, "counted": counted if counted.any() else None}
@@ -309,36 +346,53 @@ class GroundMotionProblem(Problem):
         return sorted(set(self.conditions.scales))
 
     @property
+    def _count(self) -> int:
+        """Number of validation runs of each motion."""
+        return LEVELS if len(self._scales) > 1 else 1
+
+    @property
+    def _edges(self) -> np.ndarray:
+        """Ends of the strata of the levels, shape (levels + 1,)."""
+        return np.geomspace(self._scales[0], self._scales[-1], self._count + 1)
+
+    @property
     def levels(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """See `Problem.levels`."""
-        scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
-        if len(scales) == 1:
+        if self._count == 1:
             return {}
-        measure = MEASURE_NAMES[self.conditions.intensity]
-        level = np.tile(scales, motions)
-        return {f"{x:g} ({measure})": level == x for x in scales}
+        level = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS)
+        return {self.level_range(i, i): level == i for i in range(LEVELS)}
+
+    def level_range(self, first: int, last: int) -> str:
+        """See `Problem.level_range`."""
+        return " to ".join(pair_of(self._edges[first], self._edges[last + 1]))
+
+    @property
+    def measure_in_words(self) -> str:  # type: ignore[override]
+        """See `Problem.measure_in_words`."""
+        return MEASURE_NAMES[self.conditions.intensity]
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
         """See `Problem.annual_rates`."""
         if (hazard := self.conditions.hazard) is None:
             return None
         measure = measure_of(self.conditions.intensity, self.scene.block, self.scene.gravity, None)
-        stripes = np.array(self._scales) * hazard.factor(measure)
-        # Consecutive runs have one motion at all scales.
-        n, hits = len(stripes), [np.where(x.is_unanswered, np.nan, x.is_overturned) for x in cases]
+        # Consecutive runs have one motion at all levels.
+        n, hits = self._count, [np.where(x.is_unanswered, np.nan, x.is_overturned) for x in cases]
         motions = slice(None) if counted is None else counted[::n]
         outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
-        return rates_of_outcomes(hazard, stripes, outcomes, self.earthquakes[::n][motions], self.seed)
+        edges, quakes = self._edges * hazard.factor(measure), self.earthquakes[::n][motions]
+        return None if n == 1 else rates_of_outcomes(hazard, edges, outcomes, quakes)
 
     def yearly(self, rates: AnnualRates | None) -> tuple[str, ...]:
         """See `Problem.yearly`."""
-        # One level determines no curve, so that a hazard would not help.
-        return super().yearly(rates) or (HOW_TO,) * (len(self._scales) > 1)
+        # One level determines no rate, so that a hazard would not help.
+        return super().yearly(rates) or (HOW_TO,) * (self._count > 1)
 
     @property
     def earthquakes(self) -> np.ndarray:  # type: ignore[override]
         """See `Problem.earthquakes`."""
-        return np.repeat(np.concatenate([g.events for g in self.groups]), len(self._scales))
+        return np.repeat(np.concatenate([g.events for g in self.groups]), self._count)
 
     @property
     def stated_motions(self) -> list[GroundMotion]:
@@ -353,12 +407,25 @@ class GroundMotionProblem(Problem):
     @property
     def limit_runs(self) -> int:
         """See `Problem.limit_runs`."""
-        return len(self._scales) * sum(len(group.motions) for group in self.groups)
+        return self._count * sum(len(group.motions) for group in self.groups)
 
-    def _every_motion(self, scatter: Mapping[str, HalfWidth] | None = None, seed: int = 0) -> Conditions:
-        """Return every motion of every group at every scale, with the stated block or blocks that vary."""
-        motions, of = [m for g in self.groups for m in g.motions], self.conditions.intensity
-        return Conditions.records(motions, self._scales, intensity=of, scatter=scatter, seed=seed)
+    def _every_motion(
+        self, scatter: Mapping[str, HalfWidth] | None = None, seed: int = 0, *, stated: bool = False
+    ) -> Conditions:
+        """Return every motion of every group at every level, with the stated block or blocks that vary.
+
+        Several levels are drawn from the strata between `_edges`, for each motion by its accelerations. They
+        are therefore the same in all cases, for all seeds and in all commands. With `stated` the levels are
+        the stated ones.
+        """
+        motions, edges = [m for g in self.groups for m in g.motions], np.log(self._edges)
+        scales = self._scales if stated else self._edges[1:]
+        out = Conditions.records(motions, scales, intensity=self.conditions.intensity)
+        if self._count > 1 and not stated:
+            draws = [np.random.default_rng(int(m.digest[:16], 16)).random(LEVELS) for m in motions]
+            levels = np.exp(edges[:-1] + np.diff(edges) * np.array(draws))
+            out = replace(out, factors={"amplitude": levels.ravel()})
+        return out.scattered(seed, **(scatter or {}))
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
@@ -391,8 +458,8 @@ class GroundMotionProblem(Problem):
         p = replace(unit.ground_parameters(), kappa=self.space.hinge_ratio(scene.block))
         # A block with another centroid has the same rod.
         own = [1.0, float(self.scene.block.centroid / scene.block.centroid), 1.0]
-        row = np.array([NO_PENDULUM if design is None else design * np.array(own)])
-        q = under_all(p, row, replace(conditions, factors=factors))
+        rows = np.broadcast_to(NO_PENDULUM if design is None else design * np.array(own), (len(which), 3))
+        q = under_each(p, rows.T, replace(conditions, factors=factors).factor_rows().T)
         # The parameters were computed for a peak of 1 m/s^2: scale f by the peaks, and the pieces by their
         # durations.
         f = np.array([float(x.pga) for x in motions])
@@ -400,6 +467,20 @@ class GroundMotionProblem(Problem):
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
         return ground_row_of(unchecked(q, f=q.f * f[which]), size=factor, piece=pieces)
+
+
+def _with_motions(conditions: Conditions, motions: Sequence[GroundMotion]) -> Conditions:
+    """Return the conditions with some of their motions."""
+    # Compare by identity, because two equal records may belong to the search and to the validation.
+    used = [i for i, m in enumerate(conditions.motions) if any(m is own for own in motions)]
+    which = np.asarray(conditions.which)
+    rows = np.isin(which, used)
+    return replace(
+        conditions,
+        factors={name: factor[rows] for name, factor in conditions.factors.items()},
+        motions=tuple(conditions.motions[i] for i in used),
+        which=np.searchsorted(used, which[rows]),
+    )
 
 
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
@@ -441,16 +522,23 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
 
 
 def grouped(
-    motions: Sequence[GroundMotion], validation_share: float | Mapping[str, Sequence[GroundMotion]], seed: int
+    motions: Sequence[GroundMotion],
+    validation_share: float | Mapping[str, Sequence[GroundMotion]] | None,
+    seed: int,
+    least: int = 2,
 ) -> tuple[Group, ...]:
     """Return the group that the search uses, followed by the groups for the validation.
+
+    By default there is one group, which the search and the validation use.
 
     Args:
         motions: motions of the conditions.
         validation_share: share of the motions that is kept for the validation, by a seeded choice of whole
             earthquakes; or groups of other motions by name. A motion of an earthquake that the search uses is
-            left out of these groups.
+            left out of these groups. None stands for cross-fitting, and with too few earthquakes for a share
+            of 0.
         seed: seed of the choice.
+        least: smallest number of earthquakes for cross-fitting.
 
     Raises:
         ValueError: the share is outside 0 to 0.9, a group has no motions, or no motion remains for the
@@ -458,8 +546,10 @@ def grouped(
     """
     if isinstance(validation_share, Mapping):
         return _others(motions, validation_share)
-    share = checks.within("validation_share", validation_share, 0.0, 0.9)
     numbers = earthquakes_of(motions)
+    if validation_share is None and len(np.unique(numbers)) >= least:
+        return (Group(_name(Role.both, motions), Role.both, tuple(motions), numbers),)
+    share = checks.within("validation_share", validation_share or 0.0, 0.0, 0.9)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(numbers))
     # Move whole earthquakes to the validation, one after the other, until the share is reached. At least one
     # of several earthquakes remains for the search.

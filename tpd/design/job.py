@@ -15,6 +15,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from tpd.compiled import compiling
 from tpd.core import checks
 from tpd.core.files import path_of
@@ -340,12 +342,12 @@ class Job(ABC):
         """Runs of the validation."""
 
     @cached_property
-    def _validation(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
+    def _validation(self) -> tuple[float | dict[str, list[GroundMotion]] | None, list[str]]:
         """Validation share or validation groups, and notes on the records of the groups."""
         share = self.full["excitation"]["validation_share"]
         groups, messages = dict[str, list[GroundMotion]](), list[str]()
         if not isinstance(share, tuple):
-            return share or 0.0, messages
+            return share, messages
         # The names of the groups in the report are the last parts of the paths.
         names = [Path(word).name or word for word in share]
         for word, name in zip(share, names, strict=True):
@@ -374,16 +376,21 @@ class Job(ABC):
         called = {name: f"`excitation.{name}` (--{name})" for name in READING}
         with argument_names(called | {"events": "`records.events` (--event)"}):
             try:
-                return read_motions(names, events=self.full["records"]["events"], **self.reading)
+                motions, notes = read_motions(names, events=self.full["records"]["events"], **self.reading)
             except UnreadableRecord as error:
                 flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
                 more = "; try these options: " + " ".join(flags) if error.options else ""
                 raise ValueError("\n".join([error.args[0] + more, *error.preview])) from None
+        site = self.full["site"]
+        if (period := site["building_period"]) is not None:
+            with naming("site", period="building_period", damping="building_damping"):
+                motions = [m.on_building(period, site["building_damping"]) for m in motions]
+        return motions, notes
 
     @property
-    def validation_share(self) -> float | dict[str, list[GroundMotion]]:
-        """Share of the records that is kept for the validation, or groups of other records by name; 0 for
-        none."""
+    def validation_share(self) -> float | dict[str, list[GroundMotion]] | None:
+        """Share of the records that is kept for the validation, or groups of other records by name; None
+        for cross-fitting."""
         return self._validation[0]
 
     @property
@@ -591,6 +598,33 @@ class PulseJob(RecordsJob):
                 raise ValueError("`pga`, the peak acceleration of the pulse in g, is missing (--pga G)")
             # If an intensity states the size, any acceleration will do.
             return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
+
+    @property
+    def validation_share(self) -> float:
+        """Pulses are no sample of earthquakes, so that a verdict is on these pulses only."""
+        return 0.0
+
+    @property
+    def in_words(self) -> str:
+        """See `Job.in_words`."""
+        periods = sorted(1.0 / float(m.frequency) for m in self.conditions.motions)
+        if len(periods) == 1:
+            return super().in_words
+        ends = f"{periods[0]:.3g} to {periods[-1]:.3g} s"
+        return f"{super().in_words}; {len(periods)} periods from {ends}"
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """See `Job.conditions`. The pulse has five periods and three sizes in its band."""
+        keys = self.full["excitation"]
+        with naming("excitation", period="pulse_band", acceleration="pulse_band"):
+            widths = [checks.within("pulse_band", x, 0.0, 0.5) for x in keys["pulse_band"]]
+            period, size = (
+                1.0 + w * np.linspace(-1.0, 1.0, n if w else 1) for w, n in zip(widths, (5, 3), strict=True)
+            )
+            pulses = [replace(self.motions[0], frequency=self.motions[0].frequency / x) for x in period]
+            scales = np.unique(np.outer(keys["scales"], size))
+            return Conditions.records(pulses, scales, intensity=self.intensity, hazard=self.hazard)
 
 
 _RESTITUTION_DIFFERENCE = 0.01

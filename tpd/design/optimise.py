@@ -3,7 +3,10 @@
 *Search*: under harmonic excitation descents on smoothed orbits minimise what remains of a disturbance, and
 runs correct their limits (`tpd.design.corrections`). Under ground motions trial runs and a smoothing spline
 lead to the best design (`tpd.design.refine`). *Validate* decides by paired runs that no other stage has used.
-Under ground motions the same earthquakes validate every design.
+
+Under ground motions the answer begins with the rule of thumb, which needs no search: all earthquakes validate
+it. The search is cross-fitted. Its pendulum replaces that of the rule only if the rule does not pass, or if
+the cross-fitted benefit is significantly larger in the same runs.
 
 `optimise_all` finds pendulums for many blocks.
 """
@@ -23,16 +26,16 @@ from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Count, Progress, bar_for, count_for, unreported
 from tpd.design.design import Design
-from tpd.design.first_guess import first_guess
+from tpd.design.first_guess import first_guess, rule_of_thumb
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import OFFERED, VALIDATED, DesignStatus
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Validation, validate
+from tpd.design.validate import Crossed, Validation, validate
 from tpd.limits import Limit, Objective, Requirements
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
@@ -72,8 +75,8 @@ def optimise(
     during transients, and the descents continue with limits that allow for it. Paired runs validate the
     design. They must show the benefit that `requirements` states, and no harm. At most three designs are
     validated, each by new runs, and a further one only if limits are the only reason against the last. Under
-    ground motions trial runs and a smoothing spline choose the design. The same earthquakes then validate
-    every design, and there are at most two.
+    ground motions all earthquakes first validate the pendulum of a rule of thumb. Then trial runs and a
+    smoothing spline choose a design, which replaces it only if it is significantly better.
 
     Args:
         scene: block and excitation in SI units. Under ground motions a block alone is sufficient. A `Job`
@@ -90,8 +93,8 @@ def optimise(
         method: settings of the search, `Descent(...)` or under ground motions `GroundSearch(...)`.
         ensemble: validation runs, which are distributed over the conditions; default `Ensemble(size=2048)`.
         requirements: smallest benefit and largest harm of a recommended pendulum; default `Requirements()`.
-        validation_share: ground motions that the search does not use, as a share or as groups by name;
-            default 0.5.
+        validation_share: ground motions that the search does not use, as a share or as groups by name. By
+            default all of them count, with cross-fitting.
         seed: seed of all random choices, also of the runs of an ensemble without a seed; default 0.
         progress: True for a progress bar on stderr, or a function of (stage, done, total).
 
@@ -150,6 +153,15 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     """Search, refine and validate a design for a problem; see `optimise`."""
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)
+    rule, every = None, problem.of_all
+    if problem.has_earthquakes and (guess := rule_of_thumb(every, progress)) is not None:
+        rule = validate(every, guess, progress=progress)
+    if problem.only_rule:
+        status = DesignStatus.none_feasible if rule is None else rule.status
+        return Design(problem=problem, status=status, validated=() if rule is None else (rule,), rule=rule)
+    how: dict[str, Any] = {"progress": progress, "crossed": _cross_fit(problem, progress)}
+    if rule is not None and rule.deciding_runs is not None:
+        how["without_pendulum"] = rule.deciding_runs.without_pendulum
     refinement = problem.improver(first_guess(problem), progress)
     status, validated = DesignStatus.none_feasible, list[Validation]()
     for attempt in range(problem.attempts):
@@ -158,7 +170,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         if design is None:
             break
         confirmed = sum(v.reported_runs is not None for v in validated)
-        result = validate(problem, design, attempt, confirmed, progress=progress)
+        result = validate(problem, design, 0 if problem.has_earthquakes else attempt, confirmed, **how)
         validated.append(result)
         status = result.status
         if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
@@ -168,6 +180,10 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
             break
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
+    if rule is not None:
+        replaces = rule.status not in OFFERED or (bool(validated) and _is_better(validated[-1], rule))
+        validated.insert(0 if replaces else len(validated), rule)
+        status = status if replaces and len(validated) > 1 else rule.status
     best = validated[-1].design if validated and not validated[-1].reasons else None
     return Design(
         problem=problem,
@@ -176,7 +192,31 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         trials=refinement.trials(),
         search=refinement.search,
         equivalent=None if best is None else refinement.equivalent(best),
+        rule=rule,
     )
+
+
+def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
+    """Return the best design of the search for each group of earthquakes, without the group; None without
+    cross-fitting.
+
+    If no design keeps the limits, it is the first guess, and without one the smallest design of the space.
+    """
+    designs = []
+    for other, _ in problem.crossed:
+        guess = first_guess(other)
+        best = other.improver(guess, progress).best([])
+        designs.append(best if best is not None else other.space.ends[0] if guess is None else guess)
+    return Crossed.of(problem, np.array(designs)) if designs else None
+
+
+def _is_better(searched: Validation, rule: Validation) -> bool:
+    """Whether a design of the search passes, and its reduction is significantly larger than that of the
+    rule in the same runs."""
+    if searched.status not in VALIDATED or searched.runs is None or rule.runs is None:
+        return False
+    measure = "tilt" if rule.measure == "tilt" else "overturning"
+    return searched.runs.reduction_minus(rule.runs, measure).low > 0.0
 
 
 _STATUSES = tuple(DesignStatus.__members__)

@@ -142,8 +142,10 @@ class Problem(ABC):
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
-    """Whether each validation run under ground motions belongs to a level of the intensity, by the
-    description of the level; empty if there is one level, and under harmonic excitation."""
+    """Whether each validation run under ground motions belongs to a stratum of the intensity, by the ends of
+    the stratum; empty if there is one level, and under harmonic excitation."""
+    measure_in_words: ClassVar[str] = ""
+    """Name of the intensity measure of the levels."""
     earthquakes: ClassVar[np.ndarray | None] = None
     """Number of the earthquake of each validation run; None under harmonic excitation."""
     usual_contacts: ClassVar[float] = 0.01
@@ -154,6 +156,11 @@ class Problem(ABC):
     """Share of every limit on runs that trial runs leave unused."""
     pictures: ClassVar[tuple[str, ...]] = "landscape", "drawing", "benefit"
     """Pictures that `tpd.plot` can draw of a design."""
+    only_rule: ClassVar[bool] = False
+    """Whether the problem ends with the rule of thumb, without a search."""
+    crossed: ClassVar[tuple[Any, ...]] = ()
+    """For each group of cross-fitting the problem whose search does not use the group, and whether each
+    validation run belongs to it; empty without cross-fitting."""
     has_earthquakes: ClassVar[bool]
     """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, and a
     share of them has an interval."""
@@ -162,11 +169,10 @@ class Problem(ABC):
 
     def __post_init__(self) -> None:
         is_rate, n = self.requirements.reduce == "rate", len(self.levels)
-        # Two levels determine a curve only by chance, and its uncertainty is not that of the earthquakes.
-        if is_rate and (n < 3 or self.conditions.hazard is None):
-            have = f"{n or 'no'} levels and {'a' if self.conditions.hazard else 'no'} hazard"
+        if is_rate and (n < 2 or self.conditions.hazard is None):
+            have = f"{'several' if n else 'no'} levels and {'a' if self.conditions.hazard else 'no'} hazard"
             raise ValueError(
-                "`reduce` can be rate only with a hazard and ground motions of 3 levels (`scales`) or more, "
+                "`reduce` can be rate only with a hazard and ground motions of 2 levels (`scales`) or more, "
                 f"but there are {have}"
             )
 
@@ -404,13 +410,14 @@ class Problem(ABC):
         levels. A part has a name and whether each run belongs to it; there are none for a single part."""
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
         parts = list(runs.with_pendulum.starts.items())
-        if names := list(self.levels):
-            each = np.array(list(self.levels.values()))
-            ranges = np.array_split(np.arange(len(names)), min(len(names), most))
-            ends = [(i[0], i[-1]) for i in ranges]
-            words = [names[a] if a == b else f"levels {a + 1} to {b + 1} of {len(names)}" for a, b in ends]
-            parts = [(name, each[i].any(axis=0)) for name, i in zip(words, ranges, strict=True)]
+        if levels := np.array(list(self.levels.values())).tolist():
+            ranges = np.array_split(np.arange(len(levels)), min(len(levels), most))
+            parts = [(self.level_range(i[0], i[-1]), np.any([levels[j] for j in i], axis=0)) for i in ranges]
         return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
+
+    def level_range(self, first: int, last: int) -> str:
+        """Return words for consecutive levels of ground motions, from their numbers."""
+        raise NotImplementedError
 
     def headline(self, status: DesignStatus, reasons: Sequence[str]) -> str:
         """Return the sentence of a status: for which excitations a pendulum is valid, or the first reason
@@ -464,7 +471,7 @@ class Problem(ABC):
         """Simulate runs with and without the pendulum of a design.
 
         Args:
-            design: (mu, lam, zeta), shape (3,).
+            design: (mu, lam, zeta), shape (3,); or (runs, 3) if it differs between runs.
             seed: seed of the runs. Runs of different seeds are independent.
             varied: change with respect to the validation runs.
             progress: function of (stage, runs done, total).
@@ -473,8 +480,10 @@ class Problem(ABC):
         how = seed, varied, partial(progress, "validation runs")
         runs = self.validation_runs(design, *how)
         alone = varied.without_pendulum or self.validation_runs(None, *how)
-        own = self._groups_of(runs) | {"cluster": self.earthquakes, "worse": self.requirements.worse}
-        own["annual"] = lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted)
+        own = self._groups_of(runs) | {"cluster": runs.cluster, "worse": self.requirements.worse}
+        # Linear runs compare variations at other levels.
+        if varied.equations == Terms.nonlinear.value:
+            own["annual"] = lambda of: self.annual_rates((of.without_pendulum, of.with_pendulum), of.counted)
         return PairedRuns(with_pendulum=runs, without_pendulum=alone, **own)
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> Any:
@@ -485,6 +494,11 @@ class Problem(ABC):
             counted: whether each run counts; None for all.
         """
         return None
+
+    def first_overturning(self, runs: Runs) -> str:
+        """Return a clause with the shortest period and the smallest PGA of several pulses that overturn the
+        block; empty without pulses."""
+        return ""
 
     def yearly(self, rates: Any) -> tuple[str, ...]:
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
@@ -534,6 +548,11 @@ class Problem(ABC):
             size.name: np.max(size.value, axis=1)
             for size in evaluate_sizes(self.run_limits, at_rest, self.geometry)
         }
+
+    @property
+    def of_all(self) -> Problem:
+        """The problem whose validation counts all runs, for a design that none of them chose."""
+        return self
 
     def possible(self, designs: np.ndarray, swing: float = 0.0) -> np.ndarray:
         """Return whether designs (m, 3) keep the limits that need no run, (m,), see `fixed_sizes`."""

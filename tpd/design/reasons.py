@@ -57,8 +57,8 @@ class DesignStatus(enum.Enum):
     )
     too_few = (
         "TOO FEW EARTHQUAKES to validate a pendulum",
-        f"at least {LEAST_EARTHQUAKES} earthquakes for the "
-        f"search and {LEAST_EARTHQUAKES} others for the validation are needed.",
+        f"at least {LEAST_EARTHQUAKES} earthquakes are needed, and with a validation share also "
+        f"{LEAST_EARTHQUAKES} for the search.",
         "Give records of more earthquakes.",
     )
     undecided = (
@@ -312,8 +312,6 @@ def reduction(runs: PairedRuns, measure: str) -> str:
             f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
             f"({without} without it)"
         )
-    if runs.passed is not None:
-        others.append("the intervals allow for the fact that these runs also decided")
     return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
 
 
@@ -337,10 +335,4 @@ def reduced(runs: PairedRuns, measure: str) -> str:
         return f"the reduction of the {name} is unknown"
     is_less, by, around = size.fall_in_words()
     doubt = ", which is not significant" if is_less and not significant else ""
-    if runs.passed is not None and around:
-        # The estimate given the decision can be negative for runs that passed by a small margin.
-        alone = runs.unconditional.reduction(measure)[0].mean
-        change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
-        true = f"its true reduction is between {ends(size.low, size.high, word='and')} (95 % interval)"
-        return f"the {name} {change} in these runs{doubt}; {true}"
     return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{doubt}"

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 from tpd.core import checks
 
-VALIDATION_SHARE = 0.5
-"""Default share of the ground motions that is kept for the validation."""
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Quantities of the block and of the installation that vary in validation runs under ground motions."""
+PULSE_BAND = 0.3, 0.1
+"""Default half widths of the band around a pulse, of the period and of the peak acceleration."""
 VALIDATION_RUNS = 2048
 """Default number of validation runs under harmonic excitation. One half decides, and the other half is
 reported."""
@@ -17,6 +17,8 @@ MODELS = ("smoothed", "piecewise")
 """Names of the models that a descent can use."""
 OPTIMISERS = ("newton", "adam")
 """Names of the optimisers of optax that can be chosen by name."""
+METHODS = ("search", "rule")
+"""Methods under ground motions."""
 
 
 @checks.keywords
@@ -95,22 +97,32 @@ def _check_transformation(optimiser: object) -> None:
 @checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class GroundSearch:
-    """Numbers of trial runs of a search under ground motions.
+    """Settings of the search under ground motions.
+
+    The rule of thumb comes before the search, and all earthquakes validate it. In the cross-fitting of the
+    search each group of earthquakes validates a design that was found on the others.
 
     Raises:
-        ValueError: fewer than 4 designs, or fewer than 0 steps.
+        ValueError: an unknown method, fewer than 4 designs, fewer than 0 steps, or fewer than 2 groups.
 
     Example:
         >>> import tpd
         >>> tpd.GroundSearch(steps=8)
-        GroundSearch(designs=32, steps=8)
+        GroundSearch(designs=32, steps=8, groups=2, method='search')
     """
 
     designs: checks.Whole = 32
     """Number of designs that are spread over the design space."""
     steps: checks.Whole = 32
     """Number of designs that follow, each where the trend of the results promises the largest improvement."""
+    groups: checks.Whole = 2
+    """Number of groups of earthquakes for cross-fitting under records."""
+    method: str = "search"
+    """Method under pulses and records: search (the rule of thumb, then a search), or rule (only the rule of
+    thumb)."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "designs", 4)
+        checks.set_checked(self, checks.count, "groups", 2)
+        checks.one_of("method", self.method, METHODS)
         checks.set_checked(self, checks.count, "steps", 0)

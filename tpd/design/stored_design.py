@@ -57,6 +57,13 @@ class StoredDesign(Printed):
             raise ValueError(f"{self.path} has no job, because its design was made in Python: {remedy}")
         return job_of(self.tables)
 
+    @property
+    def crossed(self) -> Any:
+        """Designs (mu, lam, zeta) of the groups of cross-fitting, as a list of rows; None if the pendulum was
+        not searched with cross-fitting."""
+        validated = self.content.get("validated") or [{}]
+        return validated[-1].get("crossed")
+
     def __str__(self) -> str:
         # The sentence of the report contains the reasons for the verdict as well.
         sentence = str(self.content.get("verdict", self.status.value))

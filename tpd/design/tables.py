@@ -27,13 +27,7 @@ from tpd.core.checks import quote
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
 from tpd.design.risk import Risk
-from tpd.design.settings import (
-    SCATTERED,
-    VALIDATION_RUNS,
-    VALIDATION_SHARE,
-    Descent,
-    GroundSearch,
-)
+from tpd.design.settings import PULSE_BAND, SCATTERED, VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, Stroke, Worsening, limit_of
 from tpd.records.read import BUILT_IN, SETS
@@ -168,6 +162,7 @@ _IS_CVAR = _is("search", "risk", "cvar")
 _CVAR = Need("`search.risk` cvar", lambda full: _IS_CVAR(full) and _CONDITION_SET.holds(full))
 
 
+_BUILDING = Need("a building, `site.building_period`", lambda full: bool(full["site"]["building_period"]))
 _HINGE = Need("the height of its hinge, `frame.height`", lambda full: full["frame"]["height"] is not None)
 _FRAME = Need("a width, `frame.width`", lambda full: full["frame"]["width"] is not None)
 
@@ -213,12 +208,17 @@ class _Excitation(msgspec.Struct):
     ] = None
     """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
+    pulse_band: Annotated[
+        tuple[float, float] | None, Key("PERIOD PGA", _PULSE, defaults={"pulse": PULSE_BAND})
+    ] = None
+    """Relative half widths of the band of periods and of peak accelerations around a pulse; 0 0 for the
+    stated pulse alone (default 0.3 0.1)."""
     validation_share: Annotated[
         float | tuple[str, ...] | None,
-        Key("X", _RECORDS, defaults={"records": VALIDATION_SHARE}),
+        Key("X", _RECORDS),
     ] = None
-    """Share of the records, in whole earthquakes, that is kept for the validation, or files, folders and sets
-    of other records for it (default 0.5)."""
+    """Share of the records, in whole earthquakes, that is kept for the validation of the search, or files,
+    folders and sets of other records for it (default: cross-fitting, in which all earthquakes validate)."""
 
 
 class _Alternatives(msgspec.Struct):
@@ -231,6 +231,14 @@ class _Alternatives(msgspec.Struct):
 class _Records(msgspec.Struct):
     events: Annotated[dict[str, str] | None, Key("--event FILE=NAME", _RECORDS, _FILE)] = None
     """Names of the earthquakes, by file or folder (default: what the files state, else one earthquake)."""
+
+
+class _Site(msgspec.Struct):
+    building_period: Annotated[float | None, Key("S", _RECORDS)] = None
+    """Natural period of a building on whose roof the block stands, s. The records pass an oscillator with
+    this period. Levels and hazard are those of the ground."""
+    building_damping: Annotated[float, Key("X", _RECORDS, need=_BUILDING)] = 0.05
+    """Damping ratio of this building."""
 
 
 class _Reading(msgspec.Struct):
@@ -392,7 +400,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "bob": keys_of(
         Bob, shape=Key("--bob WORD", need=_WALLS), density=Key(need=_WALLS), aspect=Key(need=_CYLINDER)
     ),
-    "site": {"gravity": keys_of(Scene)["gravity"]},
+    "site": {"gravity": keys_of(Scene)["gravity"], **keys_of(_Site)},
     "space": keys_of(
         DesignSpace,
         **{"mass_ratio": "LO HI", "length_ratio": "LO HI", "damping_ratio": "--damping LO HI"},
@@ -407,7 +415,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "requirements": keys_of(Requirements, at_least="X", reduce="WORD", wall_contacts=Key("X", need=_LIMITS)),
     "search": {
         **_descent,
-        **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N")),
+        **under(_GROUND_MOTIONS, keys_of(GroundSearch, designs="N", method="WORD")),
         # The default depends on the search.
         "steps": msgspec.structs.replace(_descent["steps"], kinds=(), default=None),
         **keys_of(_Search),

@@ -1,28 +1,48 @@
 """Validation: check a design with the exact solution, then with paired nonlinear runs.
 
-Every design that is validated has new runs of its own, which no other stage has used. One half of the runs
-decides. The other half is simulated only if the design passes. It must confirm a significant benefit without
-harm, and the report quotes it. Its benefit is not used to choose between designs, so that the choice changes
-it very little.
+Under harmonic excitation every design that is validated has new runs, which no other stage has used. One half
+of the runs decides. The other half is simulated only if the design passes. It must confirm a significant
+benefit without harm, and the report quotes it. Its benefit is not used to choose between designs, so that the
+choice changes it very little.
 
-Earthquakes are usually too few for two halves. All of them then decide, and the report quotes the same runs
-with intervals that account for the decision.
+Earthquakes are too few for two halves, and are the same for all designs. A validation share, or
+cross-fitting, separates them from the choice of the design. With cross-fitting each group of earthquakes
+validates the design that was found on the others, and the runs of all groups are pooled. They validate the
+procedure that found the design (V. Chernozhukov and others, Econometrics Journal 21, 2018). The limits are
+those of the design.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.answers.motion_history import needed_friction
-from tpd.answers.paired import REST_LOSS, Decision, PairedRuns
+from tpd.answers.paired import REST_LOSS, PairedRuns
+from tpd.answers.run_table import Runs
 from tpd.core.progress import Progress, unreported
-from tpd.design.problem import Problem
+from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.limits import Clearance, Requirements
 from tpd.scene.scene import Pendulum
+
+
+class Crossed(NamedTuple):
+    """Designs of the groups of earthquakes in cross-fitting, each found without the group."""
+
+    designs: np.ndarray
+    """(mu, lam, zeta) of each group, shape (groups, 3)."""
+    of_runs: np.ndarray
+    """Design of each validation run, shape (runs, 3)."""
+
+    @staticmethod
+    def of(problem: Problem, designs: np.ndarray) -> Crossed:
+        """Return the designs of the groups of a problem."""
+        of_runs = sum(rows[:, None] * x for (_, rows), x in zip(problem.crossed, designs, strict=True))
+        return Crossed(designs, np.asarray(of_runs))
+
 
 _ROUNDING = 1e-9
 """Relative excess over a limit that is attributed to rounding."""
@@ -42,8 +62,8 @@ class Validation:
     """Runs that decide; None if a limit that needs no run, the exact model from rest, or sliding rejects the
     design."""
     reported_runs: PairedRuns | None
-    """Runs that the report quotes: runs that confirm the decision or, with few earthquakes, the runs that
-    decided, with intervals that allow for it. None if the design was rejected before."""
+    """Runs that the report quotes: runs that confirm the decision or, under earthquakes, the runs that
+    decided. None if the design was rejected before."""
     measure: str
     """Measure that had to fall, "overturning" or "tilt"; empty if there are no runs."""
     over_limit: float
@@ -53,6 +73,11 @@ class Validation:
     status: DesignStatus
     """Status of the design: `undecided` if the only reason against it is runs without a result. With too few
     earthquakes the status says so, whatever the runs show."""
+    own_runs: Runs | None = None
+    """Runs with the pendulum of the design. Only with cross-fitting they are not those of `runs`, which have
+    the designs of the groups."""
+    crossed: np.ndarray | None = None
+    """Designs (mu, lam, zeta) of the groups of cross-fitting, shape (groups, 3); None without it."""
 
     @property
     def runs(self) -> PairedRuns | None:
@@ -76,6 +101,8 @@ def validate(
     attempt: int = 0,
     confirmed: int = 0,
     *,
+    crossed: Crossed | None = None,
+    without_pendulum: Runs | None = None,
     thorough: bool = False,
     progress: Progress = unreported,
 ) -> Validation:
@@ -84,9 +111,11 @@ def validate(
     Args:
         problem: limits and requirements.
         design: (mu, lam, zeta), shape (3,).
-        attempt: number of designs that were validated before. Each attempt uses other runs.
+        attempt: number of designs that were validated before by other runs.
         confirmed: number of these designs whose second half of the runs was simulated. The runs that are
             quoted for the first such design are those of `tpd.assess`.
+        crossed: designs of the groups of cross-fitting; None if none of the runs that count chose the design.
+        without_pendulum: these runs without a pendulum, if they exist.
         thorough: whether to simulate runs also if a limit that needs no run rejects the design.
         progress: function of (stage, runs done, total).
     """
@@ -102,28 +131,29 @@ def validate(
         needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
         if not needed <= friction:
             reasons.append(Reason(kind=ReasonKind.slides, value=needed, reference=friction))
-    decided = quoted = None
+    decided = quoted = own = None
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
-        decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
-        decided = decided.half(0) if problem.has_validation_runs else decided
+        seed, varied = run_seed(problem, attempt, 0), STATED._replace(without_pendulum=without_pendulum)
+        which = design if crossed is None else crossed.of_runs
+        decided = problem.paired_runs(which, seed, varied=varied, progress=progress)
+        own = decided.with_pendulum if crossed is None else problem.validation_runs(design, seed)
         # The runs that decide also select the measure. The other half must be compared by the same measure,
         # even if the share that overturns is close to 1 %.
         requirements = replace(requirements, reduce=requirements.reduce or decided.first_measure)
-        over, by_runs = _by_runs(problem, design, decided, requirements)
+        over, by_runs = _by_runs(problem, design, decided, requirements, own)
         # A limit that the design breaks at rest is not reported a second time for the runs.
         exceeded = {reason.limit for reason in reasons if reason.limit}
         reasons += [r for r in by_runs if r.limit not in exceeded or not r.limit]
     if decided is not None and not reasons and problem.has_validation_runs:
         # The benefit of these runs is reported and must not be selected by its size: it only has to be
         # significant.
-        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress).half(1)
-        over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
+        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress)
+        own = quoted.with_pendulum
+        over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0), own)
         reasons += by_runs
-    elif decided is not None and not reasons:
-        measure, required = requirements.reduce or "", requirements.at_least
-        excess = decided.excess_reduction(measure, required, CERTAIN * required)
-        quoted = replace(decided, passed=Decision(measure, excess))
+    elif not reasons:
+        quoted = decided
     status = problem.passing_status
     if status is DesignStatus.recommended and problem.missing:
         status = DesignStatus.not_to_be_built
@@ -136,6 +166,8 @@ def validate(
         exact=exact,
         deciding_runs=decided,
         reported_runs=quoted,
+        own_runs=own,
+        crossed=None if crossed is None else crossed.designs,
         measure="" if decided is None else requirements.reduce or "",
         over_limit=float(over),
         reasons=tuple(reasons),
@@ -149,18 +181,18 @@ def run_seed(problem: Problem, attempt: int, part: int) -> int:
 
 
 def _by_runs(
-    problem: Problem, design: np.ndarray, runs: PairedRuns, requirements: Requirements
+    problem: Problem, design: np.ndarray, runs: PairedRuns, requirements: Requirements, own: Runs
 ) -> tuple[float, list[Reason]]:
     """Return the share of the standing runs that exceed a limit, and the reasons against a design by paired
     runs.
 
-    If runs without a result could change the verdict, the only reason is `undecided`.
+    If runs without a result could change the verdict, the only reason is `undecided`. The limits are those of
+    the runs `own` of the design.
     """
-    over, limit = problem.over_limit(design, runs.with_pendulum)
+    over, limit = problem.over_limit(design, own)
     reasons = _reasons(problem, runs, over, limit, requirements)
     if runs.ends:
-        stands = runs.with_pendulum.stands.sum()
-        unknown = runs.with_pendulum.is_unanswered.sum()
+        stands, unknown = own.stands.sum(), own.is_unanswered.sum()
         verdicts = {bool(reasons)}
         # Repeat the verdict for both extreme outcomes of the runs without a result: all of them stand, or all
         # of them overturn. A run that stands might also exceed a limit, which counts against the pendulum.

@@ -106,8 +106,6 @@ class EquivalentWidening(NamedTuple):
     """Largest widening that was followed."""
     measure: str
     """Measure that is equal, "overturning" or "tilt"."""
-    same_runs: bool = False
-    """Whether the same runs decided that the pendulum is recommended. The interval does not allow for it."""
 
 
 def dependences(
@@ -132,7 +130,7 @@ def dependences(
         stated, measure = rows[0].runs if rows else None, measure_of(best)
         runs = pairs(problem, best, varied, stated)
         # A wider base is an alternative to the pendulum, and not a change of the design.
-        reference = best.runs and best.runs.unconditional if varied.kind == "base" else stated
+        reference = best.runs if varied.kind == "base" else stated
         # A failure is compared with no pendulum.
         reference = None if varied.records or not measure or varied.kind == "failure" else reference
         difference = reference and runs.reduction_minus(reference, measure)
@@ -168,7 +166,7 @@ def pairs(
         # states and the same scatter.
         design = best.design if varied.scene is None else None
         other = problem.validation_runs(design, best.runs.with_pendulum.seed, varied)
-        return replace(best.runs, with_pendulum=other, passed=None)
+        return replace(best.runs, with_pendulum=other)
     if varied.records:
         # The stated block without scatter, as in a fragility.
         gravity, cluster = float(problem.scene.gravity), earthquakes_of(varied.records)
@@ -341,4 +339,4 @@ def equivalent_widening(best: Validation | None, rows: Sequence[Dependence]) -> 
     ]
     low, high = np.quantile(samples[1:], [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)], method="nearest")
     ends = float(samples[0]), float(low), float(high)
-    return EquivalentWidening(*ends, widths[-1], measure, runs.passed is not None)
+    return EquivalentWidening(*ends, widths[-1], measure)

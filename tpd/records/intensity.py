@@ -53,15 +53,17 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")
-        return Intensity(f"Sa({own:g} s)", "g", lambda m: spectral_acceleration(m, own) / STANDARD_GRAVITY)
+        sa = f"Sa({own:g} s)"
+        return Intensity(sa, "g", lambda m: spectral_acceleration(m.at_ground, own) / STANDARD_GRAVITY)
 
+    # An intensity is that of the ground, also for a block on a building.
     def relative_velocity(motion: GroundMotion) -> float:
         return float(Scene(block, motion, gravity).rate) * peak_velocity(motion) / unit
 
     measures = {
-        "pga_star": Intensity("PGA/(g tan alpha)", _LIFTING, lambda m: float(m.pga) / unit),
+        "pga_star": Intensity("PGA/(g tan alpha)", _LIFTING, lambda m: float(m.at_ground.pga) / unit),
         "pgv_star": Intensity("p PGV/(g tan alpha)", "-", relative_velocity),
-        "pga": Intensity("PGA", "g", lambda m: float(m.pga) / STANDARD_GRAVITY),
+        "pga": Intensity("PGA", "g", lambda m: float(m.at_ground.pga) / STANDARD_GRAVITY),
         "pgv": Intensity("PGV", "m/s", peak_velocity),
         "scale": Intensity("factor", "-", lambda m: 1.0),
     }
@@ -109,7 +111,8 @@ def significant_times(record: Record) -> tuple[float, float]:
 
 def peak_velocity(motion: GroundMotion) -> float:
     """Return the largest velocity of the base (m/s), which is at rest before the motion."""
-    return float(motion.pgv if isinstance(motion, Record) else np.max(np.abs(base_motion(motion)[2])))
+    ground = motion.at_ground
+    return float(ground.pgv if isinstance(ground, Record) else np.max(np.abs(base_motion(ground)[2])))
 
 
 def spectral_acceleration(

@@ -69,6 +69,7 @@ def as_json(design: Design, details: Details, first: Summary) -> str:
         "runs": design.runs,
         "without_pendulum": problem.without_pendulum,
         "validated": design.validated,
+        "rule": next((i for i, v in enumerate(design.validated) if v is design.rule), None),
         "trials": design.trials,
         "search": design.search,
         "records": {

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.response import Response, window
-from tpd.core.formatting import pair_of, percent
+from tpd.core.formatting import number, pair_of, percent
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
@@ -72,15 +72,12 @@ def _runs(design: Design) -> Iterator[Note]:
             yield danger(f"{exceeding(best.over_limit, design.problem.allowed)}.")
         required = design.problem.requirements.at_least
         if best.reported_runs and best.deciding_runs and runs.reduction(best.measure)[0].mean < required:
-            # Runs that took no part in the decision, and estimates that allow for it, can miss the
-            # requirement by chance although the decision was right.
-            quoted = "independent runs, which show less"
-            if runs.passed is not None:
-                quoted = "the smaller estimate that allows for this choice"
+            # Runs that took no part in the decision can miss the requirement by chance although the decision
+            # was right.
             yield note(
                 f"In the runs that were used to choose the pendulum, "
                 f"{reduced(best.deciding_runs, best.measure)}. At least {percent(required)} is required. "
-                f"The report quotes {quoted}."
+                "The report quotes independent runs, which show less."
             )
     if runs.undecided:
         yield note(
@@ -181,10 +178,20 @@ def _orbits(design: Design, without_pendulum: ExactMotions, exact: ExactMotions)
 
 
 def _earthquakes(design: Design) -> Iterator[Note]:
-    """Yield a note if records without the name of their earthquake may be in both groups of motions."""
+    """Yield notes on records without the name of their earthquake, and on designs of cross-fitting that
+    differ."""
     # Records of one earthquake must be in the same group, which needs the name of the earthquake.
     nameless = sum(getattr(m, "event", None) == "" for m in design.conditions.motions)
-    if nameless and len(design.problem.groups) > 1:
+    best, alike = design.best, design.equivalent
+    if best is not None and best.crossed is not None and alike is not None and design.pendulum is not None:
+        masses = best.crossed[:, 0]
+        if masses.min() < alike[0, 0] or masses.max() > alike[1, 0]:
+            sizes = ", ".join(f"{number(float(x * design.scene.block.mass), 3)} kg" for x in masses)
+            yield note(
+                f"The groups of earthquakes lead to different pendulums ({sizes}), outside of the range that "
+                "performs equally well. Choose the pendulum with care, or state more earthquakes."
+            )
+    if nameless and (len(design.problem.groups) > 1 or design.problem.crossed):
         yield note(
             f"{nameless} of the records name no earthquake and count as one. State their earthquakes by "
             "`records.events` (--event FILE=NAME)."

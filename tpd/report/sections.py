@@ -100,7 +100,7 @@ def _role(design: Design) -> str:
     best = design.best
     if best is None or best.reported_runs is None or best.deciding_runs is None:
         return ""
-    if best.reported_runs.passed is not None:
+    if best.reported_runs is best.deciding_runs:
         return " The same runs decided whether the pendulum is recommended."
     n = len(design.validated) - 1
     before = f" {n} {'design was' if n == 1 else 'designs were'} rejected before." if n else ""

@@ -123,7 +123,9 @@ def _compared(design: Design, details: Details) -> Iterator[Row]:
     yield "no pendulum", alternatives(design.problem).brief
     if details.of("base"):
         yield "wider block", wider_bases(details)
-    if details.first_guess is not None:
+    if design.rule is not None:
+        yield from words.rule_and_search(design)
+    elif details.first_guess is not None:
         yield "rule of thumb", words.first_guess(details.first_guess, design.problem.allowed)
 
 
@@ -160,6 +162,9 @@ def rows_of(design: Design, details: Details) -> Iterator[Row]:
         yield "required", required(design)
         yield "benefit", design.result
         yield "runs", f"{design.problem.starts_in_words}; {design.problem.duration_in_words}"
+        if first := design.problem.first_overturning(design.runs.without_pendulum):
+            with_it = design.problem.first_overturning(design.runs.with_pendulum)
+            yield "pulses", f"without a pendulum {first}; with it {with_it}"
         yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates))
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     yield from (("reason", text) for text in design.status.other(design.refusals))
@@ -224,13 +229,17 @@ def if_a_part_fails(details: Details) -> str:
 
 
 def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
-    """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
-    overturn with and without the pendulum, with intervals over earthquakes."""
+    """Yield the lines of a table of several levels of ground motions: the shares of the counted runs that
+    overturn with and without the pendulum."""
     counted = True if runs.counted is None else runs.counted
-    for name, rows in problem.levels.items():
-        pendulum, without = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
-        count, share = pendulum.tilt.size, f"{pendulum.share_overturned} overturn with the pendulum"
-        yield f"{count} run{'s' * (count != 1)} at {name}: {share}, {without.share_overturned} without it"
+    levels = problem.levels.items()
+    if levels:
+        count = int(np.sum(next(iter(levels))[1] & counted))
+        yield f"{problem.measure_in_words}: share of {count} runs that overturn with (without) the pendulum"
+    for name, rows in levels:
+        cases = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
+        pendulum, without = (percent(x.share_overturned.value, 1) for x in cases)
+        yield f"{name}: {pendulum} ({without})"
 
 
 def _nearest(design: Design) -> str:

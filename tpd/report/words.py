@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tpd.core.formatting import number, pair_of, per_cent, percent, with_and_without
+from tpd.design.reasons import reduced
 from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, TOP, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE
@@ -79,6 +80,23 @@ def first_guess(of: FirstGuess, allowed: float) -> str:
     return f"{point(of.pendulum, 2, 2)}: {share} overturn{exceeds}"
 
 
+def rule_and_search(design: Design) -> Iterator[tuple[str, str]]:
+    """Yield rows on the pendulums of the rule of thumb and of the search, and on their cross-fitting."""
+    for name, of in (("rule", design.rule), ("search", design.searched)):
+        if of is None:
+            continue
+        pendulum = f"{point(of.pendulum, 3, 3)}, damping ratio {number(float(of.pendulum.damping_ratio), 2)}"
+        by = "" if of.runs is None else f": {reduced(of.runs, of.measure)}"
+        against = f"; not recommended, because {of.refusals[0]}" if of.refusals else ""
+        yield name, f"{pendulum}{by}{against}"
+    if design.searched is not None and design.searched.crossed is not None:
+        listed = (design.problem.pendulum(x) for x in design.searched.crossed)
+        sizes = "; ".join(
+            f"{point(p, 3, 3)}, damping ratio {number(float(p.damping_ratio), 2)}" for p in listed
+        )
+        yield "cross-fitting", f"each group of earthquakes validates a design found on the others: {sizes}"
+
+
 def wider(worth: EquivalentWidening) -> str:
     """Return the widening of the base that is worth as much as the pendulum, with its interval.
 
@@ -92,8 +110,7 @@ def wider(worth: EquivalentWidening) -> str:
         f"more than {per_cent(worth.most)}" if math.isinf(x) else per_cent(x) if x >= 0.005 else "less than 1"
         for x in (worth.widening, worth.low, worth.high)
     )
-    caution = ", which does not allow for the decision by the same runs" if worth.same_runs else ""
-    around = "" if low == high else f" (95 % interval {low} to {high} %{caution})"
+    around = "" if low == high else f" (95 % interval {low} to {high} %)"
     return f"{size} % wider{around}"
 
 

@@ -64,6 +64,12 @@ class GroundMotion:
         """Return the motion with all accelerations multiplied by `factor`."""
 
     @property
+    def at_ground(self) -> Any:
+        """Motion of the ground, to which intensities and hazards belong. It is another one than that of the
+        base of the block only on a building."""
+        return self
+
+    @property
     def quantities(self) -> dict[str, Real]:
         """Part of `Scene.quantities` that states the excitation. A piece of the motion is its period."""
         return {"peak": self.pga, "frequency": 1.0 / self.piece}
@@ -81,8 +87,8 @@ class GroundMotion:
         return hashlib.sha256((np.append(self.pieces(), sizes) + 0.0).tobytes()).hexdigest()
 
     def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Any:
-        """Return the motion with the largest acceleration `pga` (m/s^2) or `pga_g` (in units of 9.80665
-        m/s^2).
+        """Return the motion whose ground has the largest acceleration `pga` (m/s^2) or `pga_g` (in units of
+        9.80665 m/s^2).
 
         Raises:
             ValueError: both or none are given, or the value is not positive.
@@ -94,9 +100,10 @@ class GroundMotion:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
         peak = checks.positive("pga", pga)
         checks.plausible("`pga`", peak / STANDARD_GRAVITY, "pga")
-        if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
+        own = self.at_ground.pga
+        if checks.is_concrete(own) and float(own) == 0.0:
             raise ValueError("a motion of zeros cannot be scaled to a peak")
-        return self.scaled(peak / self.pga)
+        return self.scaled(peak / own)
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Return the acceleration (m/s^2) at `times` in s; zero before and after the motion."""

@@ -21,6 +21,9 @@ from tpd.scene.ground_motion import GroundMotion
 
 STEPS = 1e-6, 1e3
 """Smallest and largest time step between samples, s."""
+_BUILDINGS, _PER_PERIOD, _REST = (0.01, 20.0), 40, 0.01
+"""Shortest and longest period of a building, s; smallest number of samples in it; and share of a free motion
+at which it counts as rest."""
 
 if TYPE_CHECKING:
     from tpd.formats.channel import Channel
@@ -62,6 +65,9 @@ class Record(GroundMotion):
     """Remarks of the reader, for example that the record is uncorrected."""
     source: str = field(default="", kw_only=True, compare=False)
     """File of the record, with the number of the channel if the file has several."""
+    ground: Record | None = field(default=None, kw_only=True, compare=False)
+    """Record of the ground below a building on which this motion acts, at a scale of 1; None for a motion of
+    the ground."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
@@ -113,6 +119,51 @@ class Record(GroundMotion):
     def scaled(self, factor: Real) -> Record:
         """Return the record with its scale multiplied by a factor."""
         return replace(self, scale=self.scale * checks.number("factor", factor))
+
+    @property
+    def at_ground(self) -> Record:
+        """See `GroundMotion.at_ground`."""
+        return self if self.ground is None else self.ground.scaled(self.scale)
+
+    def on_building(self, period: Real, damping: Real = 0.05) -> Record:
+        """Return the absolute acceleration at the mass of an oscillator that this record shakes.
+
+        The oscillator stands for the mode of a building that moves the block. The motion is exact for an
+        acceleration that is linear between samples, and is sampled 40 times in a period. It lasts until the
+        building has come to rest. Intensities such as PGA remain those of the ground.
+
+        Args:
+            period: natural period of the building, s.
+            damping: its damping ratio.
+
+        Raises:
+            ValueError: a number is out of range, or the record is already one on a building.
+
+        Example:
+            >>> import numpy as np, tpd
+            >>> ground = tpd.Record(np.sin(np.arange(4000) * 0.01 * 2.0 * np.pi), 0.01)
+            >>> roof = ground.on_building(0.5, 0.05)
+            >>> round(float(roof.pga), 2), round(float(roof.at_ground.pga), 2)
+            (1.62, 1.0)
+        """
+        from scipy.signal import lsim
+
+        if self.ground is not None:
+            raise ValueError(f"the record must be one of the ground, but {self.name!r} is one on a building")
+        rate = 2.0 * np.pi / checks.within("period", period, *_BUILDINGS, " s")
+        damping = checks.within("damping", damping, 0.005, 0.5)
+        a, step = np.asarray(self.acceleration, dtype=float), float(self.dt)
+        fine = max(1, int(np.ceil(step * rate * _PER_PERIOD / (2.0 * np.pi))))
+        tail = int(np.ceil(np.log(1.0 / _REST) / (damping * rate) / step))
+        samples = np.arange((len(a) + tail) * fine) / fine
+        base = np.interp(samples, np.arange(len(a)), a, right=0.0)
+        # States are the relative displacement and its rate, and the output is the absolute acceleration.
+        row = [-(rate**2), -2.0 * damping * rate]
+        system = [[0.0, 1.0], row], [[0.0], [-1.0]], [row], [[0.0]]
+        roof = lsim(system, base, samples * step)[1]
+        note = f"on a building with a period of {float(period):g} s and {100.0 * damping:g} % damping"
+        own = {"notes": (*self.notes, note), "ground": replace(self, scale=1.0)}
+        return replace(self, acceleration=roof, dt=step / fine, **own)
 
     @property
     def piece(self) -> Real:
