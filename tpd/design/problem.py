@@ -411,7 +411,7 @@ class Problem(ABC):
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
         parts = list(runs.with_pendulum.starts.items())
         if levels := np.array(list(self.levels.values())).tolist():
-            ranges = np.array_split(np.arange(len(levels)), min(len(levels), most))
+            ranges = [i.tolist() for i in np.array_split(np.arange(len(levels)), min(len(levels), most))]
             parts = [(self.level_range(i[0], i[-1]), np.any([levels[j] for j in i], axis=0)) for i in ranges]
         return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
 

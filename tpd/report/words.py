@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core.formatting import number, pair_of, per_cent, percent, with_and_without
-from tpd.design.reasons import reduced
-from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, THICKNESS, TOP, Clearance, Limit, Reserve
+from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, MEASURED, THICKNESS, TOP, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE
 from tpd.scene.bob import THICKEST
@@ -81,20 +80,21 @@ def first_guess(of: FirstGuess, allowed: float) -> str:
 
 
 def rule_and_search(design: Design) -> Iterator[tuple[str, str]]:
-    """Yield rows on the pendulums of the rule of thumb and of the search, and on their cross-fitting."""
+    """Yield rows on the pendulums of the rule of thumb and of the search with its groups of earthquakes."""
     for name, of in (("rule", design.rule), ("search", design.searched)):
         if of is None:
             continue
-        pendulum = f"{point(of.pendulum, 3, 3)}, damping ratio {number(float(of.pendulum.damping_ratio), 2)}"
-        by = "" if of.runs is None else f": {reduced(of.runs, of.measure)}"
-        against = f"; not recommended, because {of.refusals[0]}" if of.refusals else ""
-        yield name, f"{pendulum}{by}{against}"
-    if design.searched is not None and design.searched.crossed is not None:
-        listed = (design.problem.pendulum(x) for x in design.searched.crossed)
-        sizes = "; ".join(
-            f"{point(p, 3, 3)}, damping ratio {number(float(p.damping_ratio), 2)}" for p in listed
-        )
-        yield "cross-fitting", f"each group of earthquakes validates a design found on the others: {sizes}"
+        text = point(of.pendulum, 3, 3)
+        if of.runs is not None:
+            less, by, around = of.runs.reduction(of.measure)[0].fall_in_words()
+            text += f": {by} {'lower' if less else 'higher'} {MEASURED[of.measure]}{around}"
+        if of.refusals:
+            text += f"; not recommended, because {of.refusals[0]}"
+        if of.crossed is not None:
+            masses = [float(design.problem.pendulum(x).mass) for x in of.crossed]
+            ends = " to ".join(dict.fromkeys(number(x, 3) for x in (min(masses), max(masses))))
+            text += f"; found without each group of earthquakes: {ends} kg"
+        yield name, text
 
 
 def wider(worth: EquivalentWidening) -> str:
