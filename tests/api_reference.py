@@ -25,7 +25,7 @@ Python, NumPy or JAX numbers, or arrays of one element. Results that are tables 
 a dictionary of arrays, and `to_dataframe()`, which needs pandas. Bad input is a `ValueError` with one
 sentence. Functions that simulate raise a `RuntimeError` if JAX is in 32-bit mode. `progress` is True for a
 bar on stderr, or a function that is called with the finished and the whole work. `workers` is a number of
-threads, by default all cores. `cluster` uses [processes or machines](clusters.md) instead of threads.
+threads, by default all cores.
 
 **The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
 [`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
@@ -37,7 +37,6 @@ INTERNAL = {
     "Model": "check most_periods settle solve_steady trajectory",
     "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
-    "Cluster": "client map",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
     "Design": (
         "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing"
@@ -105,7 +104,7 @@ GROUPS = {
     ),
     "Choose a model": "Auto Piecewise Nonlinear Smoothed",
     "Statuses": "Status status_name",
-    "Run many at once": "in_chunks Cluster",
+    "Run many at once": "in_chunks",
 }
 """Titles of the page, with the names below each."""
 BESIDE = {

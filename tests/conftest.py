@@ -57,7 +57,6 @@ def pytest_configure(config):
 TESTS = Path(__file__).parent
 LONGEST = (
     "test_notebooks",
-    "cluster/test_cluster",
     "design/test_optimise",
     "browser/test_page",
     "models/test_smoothed",

@@ -7,7 +7,7 @@ The table lists the equations of the paper (Collini et al. 2016) and the functio
 Misprinted equations are corrected (page "Errata" of the guide). `tests/test_equation_table.py` compares each
 function with its equation.
 
-A folder imports only from the folders before it in this list: core, formats, cluster, scene, records, theory,
+A folder imports only from the folders before it in this list: core, formats, scene, records, theory,
 compiled, models, answers, engines, design, plots, report, explore, cli.
 
 | equation | content | function |

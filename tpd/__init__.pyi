@@ -23,7 +23,6 @@ from .answers.steady_state import simulate as simulate
 from .answers.steady_state import steady_state as steady_state
 from .answers.symmetric_orbits import symmetric_orbits as symmetric_orbits
 from .answers.transient import transient as transient
-from .cluster.cluster import Cluster as Cluster
 from .core.batch import in_chunks as in_chunks
 from .design.as_built import details as details
 from .design.assess import assess as assess

@@ -87,11 +87,6 @@ def _smooth(rows: Rows) -> tuple[str, bool]:
     return f"{worst:.0e}", worst <= 1e-2
 
 
-def _kills(rows: Rows) -> tuple[str, bool]:
-    r = rows[-1]
-    return f"{r['same']} of {r['kills']}", r["same"] == r["kills"]
-
-
 _LOOP = "Limit: as measured. The loop needs the number of periods, may miss events and has no status."
 _COMPILED = "Limit: as measured. Numba and XLA compile, and both store the compiled code."
 _MEASURED = "Limit: as measured."
@@ -150,7 +145,6 @@ AIMS = (
     Aim("regret", "Loss by a wider design space, with the same seed", "1 point", _wider, _MEASURED),
     Aim("optima", "Seeds that reach the best value", "all 15", _best, _MEASURED),
     Aim("smoothing", "Error of the smoothed amplitude, width 10⁻³, e ≥ 0.8", "1e-2", _smooth, _MEASURED),
-    Aim("cluster", "Calculations with the same digits after a worker was killed", "all", _kills, _MEASURED),
 )
 
 

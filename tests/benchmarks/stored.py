@@ -32,7 +32,7 @@ from tests.measures import code_of
 
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
-    *("objectives", "descent", "first_guess", "engines", "measurements", "cluster", "intervals", "power"),
+    *("objectives", "descent", "first_guess", "engines", "measurements", "intervals", "power"),
 )
 LONG = ("regret", "objectives", "first_guess")
 """Benchmarks that `--stale` does not run."""

@@ -238,7 +238,7 @@ def test_every_command_prints_the_notes_on_its_records(run, tmp_path, command):
         assert done.json(f"{command}.json")["records"] == {"files": [facts(motion)], "notes": []}
 
 
-HEAVY = ("jax", "equinox", "optax", "diffrax", "numba", "scipy", "matplotlib", "dask")
+HEAVY = ("jax", "equinox", "optax", "diffrax", "numba", "scipy", "matplotlib")
 MISTAKES = (
     "optimise --scene misspelt.toml",
     "optimise --out full",

@@ -1,4 +1,4 @@
-"""Output files: whole or absent, not overwritten, sealed; tables, JSON and the date of a report."""
+"""Output files: whole or absent, not overwritten; tables, JSON and the date of a report."""
 
 import errno
 import io
@@ -42,15 +42,6 @@ def test_a_directory_with_files_is_overwritten_only_on_request(tmp_path):
         files.claim(out / "design.json", overwrite=True)
     with pytest.raises(ValueError, match="cannot write to"):
         files.claim(out / "design.json" / "below", overwrite=True)
-
-
-def test_sealed_content_is_returned_only_unchanged_and_for_its_key():
-    sealed = files.sealed(b"data", "of a chunk")
-    assert files.unsealed(sealed, "of a chunk") == b"data"
-    for other in (sealed[:-1], sealed + b"x", b"", bytes(len(sealed)), sealed[:-1] + b"b"):
-        assert files.unsealed(other, "of a chunk") is None
-    assert files.unsealed(sealed, "of another") is None
-    assert files.unsealed(files.sealed(b"")) == b""
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")

@@ -12,7 +12,7 @@ import optax
 
 from tpd.scene.pytrees import pytree
 
-HEAVY = "jax", "diffrax", "optax", "equinox", "numba", "scipy", "matplotlib", "dask"
+HEAVY = "jax", "diffrax", "optax", "equinox", "numba", "scipy", "matplotlib"
 LIGHT = "core.checks", "limits", "records.intensity", "records.read", "scene.quantities", "scene.record"
 """Modules of what is checked before JAX is imported."""
 

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
-from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
@@ -27,9 +26,6 @@ from tpd.theory.no_uplift import uplift
 
 _MATCH = 1e-3
 """Largest distance between a motion and the orbit to which it belongs, relative to the scale of the state."""
-_CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
-"""Number of designs in one chunk for a cluster, without and with an initial state: some tenths of a second of
-work."""
 _CHOICE = (
     *(Status.rocking, Status.near_fold, Status.grazing, Status.rest),
     *(Status.neutral, Status.unstable, Status.not_known),
@@ -108,7 +104,6 @@ def design_map(
     *,
     pendulum: Pendulum | None = None,
     start: Any = None,
-    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> DesignMap:
     """Compute the motion of every design on a grid of two parameters, or of two quantities of a scene.
@@ -142,7 +137,6 @@ def design_map(
         pendulum: pendulum of the scene; None without a pendulum.
         start: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau; zeros are rest.
             For the signs see `y0` of `tpd.simulate`.
-        cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             designs, number of all designs).
 
@@ -161,7 +155,6 @@ def design_map(
         0.0552
     """
     checks.require_x64()
-    check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = line_of(setup, "x", x), line_of(setup, "y", y)
     check_together(setup, {x_name: xs, y_name: ys})
@@ -173,33 +166,23 @@ def design_map(
     expected = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), expected)
     with count_for(progress, "mapping") as report:
-        if cluster is None:
-            answer = _answers(designs, y0, None, report)
-        else:
-            chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
-            answer = cluster.map("map", _answers, designs, (y0,), chunk=chunk, progress=report)
+        answer = _answers(designs, y0, report)
     answer["status"] = names_of(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
     return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
 
 
-def _answers(
-    designs: Parameters, y0: np.ndarray | None, workers: int | None = 1, progress: Any = None
-) -> dict[str, np.ndarray]:
-    """Return the fields of `DesignMap` as flat arrays, with the codes of the statuses.
-
-    On a cluster the processes share the cores, so each uses one thread.
-    """
+def _answers(designs: Parameters, y0: np.ndarray | None, progress: Any = None) -> dict[str, np.ndarray]:
+    """Return the fields of `DesignMap` as flat arrays, with the codes of the statuses."""
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     # The progress is that of the longer part: of the followed motions, if there are any.
-    orbits = all_symmetric_orbits(designs, workers=workers, progress=progress if y0 is None else None)
+    orbits = all_symmetric_orbits(designs, progress=progress if y0 is None else None)
     if y0 is None:
         # Without an initial state no motion is followed.
         answer = _largest(orbits, still["margin"], still["swing"])
     else:
-        options = {"workers": workers, "progress": progress}
-        answer = _followed(designs, orbits, still["swing"], y0, options)
+        answer = _followed(designs, orbits, still["swing"], y0, {"progress": progress})
     return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.answers.run_table import Runs, follow_runs
-from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
@@ -87,7 +86,6 @@ def outcomes(
     equations: Terms | str = Terms.linear,
     rtol: checks.Real = 1e-8,
     workers: checks.Whole | None = None,
-    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> Runs:
     """Follow the runs of an ensemble.
@@ -101,7 +99,6 @@ def outcomes(
         equations: "linear", with the exact solution, or "nonlinear".
         rtol: relative tolerance of a step of the nonlinear model.
         workers: number of threads; all cores by default.
-        cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             runs, number of all runs).
 
@@ -117,7 +114,8 @@ def outcomes(
         (0.0, 0.055)
     """
     checks.require_x64()
-    check_where(workers, cluster)
+    if workers is not None:
+        checks.count("workers", workers)
     checks.one_of("equations", equations, (Terms.linear.value, Terms.nonlinear.value))
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
@@ -132,5 +130,5 @@ def outcomes(
     inputs: dict[str, Any] = {"condition": runs.condition, "seed": ensemble.seed or 0}
     inputs |= {"growth": runs.growth, "disturbed": runs.disturbed}
     with count_for(progress, "following") as report:
-        where = {"workers": workers, "cluster": cluster, "progress": report}
+        where = {"workers": workers, "progress": report}
         return follow_runs(terms, row_of(runs.p), forcing, y0=runs.y0, rtol=rtol, **inputs, **where)

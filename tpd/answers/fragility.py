@@ -19,7 +19,6 @@ from scipy.special import betaincinv, erfcx, ndtr, ndtri, stdtrit
 from tpd.answers.run_table import CASE_KEYS, Cases, Progress, cases_of, follow_scaled
 from tpd.answers.statistics import LEVEL, ROUNDING, SIGNIFICANT, added_up, mcnemar
 from tpd.answers.transient import FREE
-from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, pair_of
 from tpd.records.intensity import intensity_of, measure_of
@@ -211,7 +210,6 @@ def fragility(
     gravity: checks.Real = STANDARD_GRAVITY,
     free: checks.Real = FREE,
     workers: checks.Whole | None = None,
-    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Fragility:
     """Compute the fragility of a block under a set of motions, without a pendulum and with it.
@@ -231,7 +229,6 @@ def fragility(
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after each ground motion, s.
         workers: number of threads; all cores by default.
-        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
@@ -268,7 +265,7 @@ def fragility(
     cases, times = cases_of(pendulum), 2 if nonlinear else 1
     # The tables need neither the swing nor the final state, so the runs can end early.
     options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
-    options |= {"workers": workers, "cluster": cluster}
+    options |= {"workers": workers}
 
     # The nonlinear runs follow the exact ones, so progress continues from one to the other.
     def shifted(n: int, report: Progress | None = progress) -> Progress | None:

@@ -25,7 +25,6 @@ from tpd.answers.statistics import (
     fall,
     is_positive,
 )
-from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned
 from tpd.scene.conditions import Conditions
@@ -454,7 +453,6 @@ def paired_runs(
     equations: Terms | str = Terms.linear,
     rtol: checks.Real = 1e-8,
     workers: checks.Whole | None = None,
-    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> PairedRuns:
     """Follow the runs of an ensemble with a pendulum, and the same runs without it.
@@ -468,7 +466,6 @@ def paired_runs(
         equations: linear or nonlinear, see `outcomes`.
         rtol: relative tolerance of a step of the nonlinear model.
         workers: number of threads; all cores by default.
-        cluster: processes or machines instead of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             runs, number of all runs), for one case after the other.
 
@@ -493,7 +490,7 @@ def paired_runs(
     conditions = Conditions() if conditions is None else conditions
     # Both cases have the ensemble with the same seed, hence the same initial states, phases and scatter.
     options: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
-    options |= {"rtol": rtol, "workers": workers, "cluster": cluster, "progress": progress}
+    options |= {"rtol": rtol, "workers": workers, "progress": progress}
     alone = subject if isinstance(subject, Scene) else parameters_without_pendulum(subject)
     with_pendulum = outcomes(subject, pendulum, **options)
     return PairedRuns(

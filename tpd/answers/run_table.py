@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.statistics import Share, quantile_of
-from tpd.cluster.cluster import Cluster, check_where
 from tpd.compiled import simulate
 from tpd.compiled.columns import LAM, MU, NU
 from tpd.compiled.rows import ground_row_of
@@ -34,10 +33,6 @@ _QUANTILES = {
 }
 UNANSWERED_ROW = "runs without a result"
 """Label of the number of runs without a result, in tables."""
-_CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
-"""Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""
-_PIECES = 1 << 21
-"""Number of pieces of ground motion in one chunk for a cluster."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -290,35 +285,22 @@ def follow_runs(
     disturbed: Any = False,
     seed: int = 0,
     workers: checks.Whole | None = None,
-    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Runs:
-    """Follow runs in threads, or on a cluster.
+    """Follow runs in threads.
 
     Args:
         equations, rows, forcing, y0, events, rtol, brief: see `tpd.compiled.simulate.follow`; of n runs.
         condition, growth, disturbed, seed: inputs of the runs that are only recorded in the table.
         workers: number of threads; all cores by default.
-        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished runs, number of all runs).
     """
-    check_where(workers, cluster, progress)
-    # The fields of the forcing with one value for each run, of the two kinds of forcing.
-    n, per_run = len(rows), ("free", "which") if isinstance(forcing, GroundForcing) else ("begin", "ramp")
-    # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
-    batch = {name: np.broadcast_to(getattr(forcing, name), n) for name in per_run}
-    batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
-    limits = {"events": events, "rtol": rtol, "brief": brief}
-    # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
-    shared = equations, forcing._replace(**dict.fromkeys(per_run, 0)), limits
-    if cluster is None:
-        results = _results(batch, *shared, workers, progress)
-    else:
-        # The longer the ground motions are, the fewer runs are in a chunk.
-        chunk = _CHUNKS[equations]
-        if isinstance(forcing, GroundForcing):
-            chunk = int(np.clip(_PIECES // max(map(len, forcing.records)), 128, 16_384))
-        results = cluster.map("runs", _results, batch, shared, chunk=chunk, progress=progress)
+    if workers is not None:
+        checks.count("workers", workers)
+    checks.function("progress", progress)
+    settings = {"y0": y0, "workers": workers, "progress": progress}
+    results = _results(equations, rows, forcing, events=events, rtol=rtol, brief=brief, **settings)
+    n = len(rows)
     recorded = {"condition": condition, "growth": growth, "disturbed": disturbed}
     inputs = {name: np.broadcast_to(x, n) for name, x in recorded.items()}
     # Slenderness and pendulum may scatter, so that the table records them for each run.
@@ -327,21 +309,10 @@ def follow_runs(
 
 
 def _results(
-    batch: dict[str, np.ndarray],
-    equations: Terms,
-    forcing: HarmonicForcing | GroundForcing,
-    limits: dict[str, Any],
-    # On a cluster the processes share the cores, so that each uses one thread.
-    workers: int | None = 1,
-    progress: Progress | None = None,
+    equations: Terms, rows: np.ndarray, forcing: HarmonicForcing | GroundForcing, **settings: Any
 ) -> dict[str, np.ndarray]:
-    """Return the results of runs by the names of the fields of `Runs`.
-
-    `batch` has the rows, the initial states, and those fields of the forcing that differ between runs.
-    """
-    forcing = forcing._replace(**{name: x for name, x in batch.items() if name in forcing._fields})
-    settings = {"y0": batch["y0"], "workers": workers, "progress": progress}
-    run = simulate.follow(equations, batch["rows"], forcing, **settings, **limits)
+    """Return the results of runs by the names of the fields of `Runs`; see `tpd.compiled.simulate.follow`."""
+    run = simulate.follow(equations, rows, forcing, **settings)
     outcome = code_of(run.status)
     unanswered = is_one_of(outcome, *UNANSWERED)
     # Overturned runs have infinite angles. Runs without a result have NaN, see `Runs`.
@@ -378,7 +349,7 @@ def follow_scaled(
         equations: linear or nonlinear.
         brief: whether only the tilt, the uplift, the impacts before an overturning and the outcome are
             needed.
-        options: `workers`, `cluster` and `progress`, see `follow_runs`.
+        options: `workers` and `progress`, see `follow_runs`.
 
     Returns:
         Runs of the shape (pendulums, motions, ...).

@@ -21,7 +21,6 @@ from tpd.answers.run_table import (
     forcing_of,
 )
 from tpd.answers.transient import FREE
-from tpd.cluster.cluster import Cluster
 from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
@@ -90,7 +89,6 @@ def overturning_spectrum(
     acceleration_ratios: checks.Vector | None = None,
     gravity: checks.Real = STANDARD_GRAVITY,
     free: checks.Real = FREE,
-    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> OverturningSpectrum:
     """Follow a block under pulses of all frequencies and sizes.
@@ -103,7 +101,6 @@ def overturning_spectrum(
         acceleration_ratios: a_p/(g tan alpha); by default 120 values from 0.5 to 10.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after each pulse, s.
-        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
@@ -131,7 +128,7 @@ def overturning_spectrum(
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
     cases = cases_of(pendulum)
-    options = {"cluster": cluster, "progress": progress}
+    options = {"progress": progress}
     runs = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **options)
     # The number of impacts distinguishes the modes of overturning.
     outcomes = np.where(runs.is_overturned, OVERTURNS + runs.impacts, np.where(runs.is_lifted, ROCKS, STANDS))
@@ -175,7 +172,6 @@ def rocking_spectrum(
     hinge_ratio: checks.Real | None = None,
     gravity: checks.Real = STANDARD_GRAVITY,
     free: checks.Real = FREE,
-    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> RockingSpectrum:
     """Follow blocks of all sizes under one ground motion.
@@ -190,7 +186,6 @@ def rocking_spectrum(
         hinge_ratio: height of the hinge divided by that of the centroid; default the top of the block.
         gravity: acceleration of gravity, m/s^2.
         free: duration of the free motion after the ground motion, s.
-        cluster: processes or machines instead of threads.
         progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
@@ -230,7 +225,7 @@ def rocking_spectrum(
     ]
     # The free time is given in seconds, but compiled code needs it in dimensionless time.
     forcing = forcing_of([motion], free * np.tile(rates, len(rows)))
-    where: dict[str, Any] = {"cluster": cluster, "progress": progress}
+    where: dict[str, Any] = {"progress": progress}
     runs = follow_runs(Terms.linear, np.concatenate(rows), forcing, brief=True, **where)
     # The slenderness is the same for all sizes.
     return RockingSpectrum(times, runs.tilt.reshape(len(rows), -1) / float(block.slenderness))

@@ -45,8 +45,6 @@ def main(arguments: list[str] | None = None) -> int:
     # ends the process at once, and the shell reports status 130. No file can be left incomplete, because
     # files are renamed to their final names when they are complete.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # The processes of a cluster may end together with this one. Python would warn of leaked resources.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     from tpd.cli import terminal
 
     with terminal.lasting_output():

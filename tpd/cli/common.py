@@ -1,11 +1,11 @@
-"""Steps that the commands share: read and check the inputs, start a cluster, print the header."""
+"""Steps that the commands share: read and check the inputs, print the header."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -42,34 +42,6 @@ class Case(NamedTuple):
     """Block, excitation and settings."""
     pendulum: Pendulum | None
     """Pendulum of the design or of the options; None without a pendulum."""
-
-
-@contextlib.contextmanager
-def open_cluster(options: argparse.Namespace) -> Iterator[Any]:
-    """Start the cluster of `--workers` or `--dask`, None without these options. Its processes end with the
-    `with` block.
-
-    Raises:
-        ValueError: the number of workers is below one, Dask is not installed, or the cluster failed.
-    """
-    if options.workers is None and options.dask is None:
-        yield None
-        return
-    # The import of Dask takes a second.
-    from tpd.cluster.cluster import Cluster, ClusterError
-
-    # The chunks lie beside the output folder and not in it: that folder must be empty until the results are
-    # written, because a command does not overwrite a folder with files.
-    out = options.out.resolve()
-    folder = out.with_name(f"{out.name}.chunks")
-    try:
-        with Cluster(folder, workers=options.workers, dask=options.dask) as cluster:
-            # The hint is printed at the beginning, because nothing is printed after Ctrl-C.
-            hint = "the same command continues from there if it is interrupted; delete the folder afterwards"
-            progress.say(f"chunks: {folder} ({hint})", sys.stdout)
-            yield cluster
-    except ClusterError as error:
-        raise ValueError(str(error)) from None
 
 
 def check_inputs(options: argparse.Namespace) -> Case:

@@ -50,7 +50,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # `AtRest.under` would use the motion of the scene, which is not scaled.
     at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
     common.print_header(scene, pendulum, in_words(motions), job.messages, at_rest)
-    with Bar() as bar, common.open_cluster(options) as cluster:
+    with Bar() as bar:
         curves = fragility(
             scene.block,
             motions,
@@ -59,7 +59,6 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             intensity=job.intensity,
             period=options.period,
             gravity=float(scene.gravity),
-            cluster=cluster,
             progress=lambda done, total: bar("ground motions", done, total),
         )
         rates = None if hazard is None else _rates(job, pendulum, curves, options.period, bar)

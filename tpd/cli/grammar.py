@@ -163,18 +163,6 @@ def _add_out(command: Parser, default: str | None, text: str = "folder for the r
     _add_switch(command, "--overwrite", "replace earlier results in DIR")
 
 
-def _add_cluster(command: Parser) -> None:
-    """Add the options for several processes or machines."""
-    group = command.add_argument_group(
-        "several processes or machines (needs the extra dask)",
-        "With one of these options the work is divided into chunks. Finished chunks are stored in "
-        "DIR.chunks, so the same command continues after an interruption.",
-    )
-    either = group.add_mutually_exclusive_group()
-    _add_number(either, "--workers", "N", "number of processes on this machine", int)
-    either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
-
-
 # Each of the following functions adds the options of one command. Options that set keys of the job file are
 # declared above; the others belong to the command alone.
 
@@ -257,7 +245,6 @@ def _map(command: Parser) -> None:
         command.add_argument(f"--{axis}", nargs=3, required=True, **named)
     _add_number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
     _add_switch(command, "--simulate", "simulate each design from rest; this takes about 40 times longer")
-    _add_cluster(command)
     _add_out(command, "tpd-map")
 
 
@@ -278,14 +265,12 @@ def _spectrum(command: Parser) -> None:
     _add_number(command, "--to", "X", text)
     text = "end of the vertical axis, for a pulse only: acceleration ratio a_p/(g tan alpha) (default 10)"
     _add_number(command, "--sizes-to", "X", text)
-    _add_cluster(command)
     _add_out(command, "tpd-spectrum")
 
 
 def _fragility(command: Parser) -> None:
     _add_case(command, *RECORDS, *PULSE)
     _add_number(command, "--period", "S", "period of the spectral acceleration for --intensity sa, s")
-    _add_cluster(command)
     _add_out(command, "tpd-fragility")
 
 

@@ -27,7 +27,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     checks.count("--points", options.points, 2, _MOST_POINTS)
     x, y = _axis("--x", options.x), _axis("--y", options.y)
     scene, pendulum = case.job.scene, case.pendulum
-    with Bar() as bar, common.open_cluster(options) as cluster:
+    with Bar() as bar:
         # The bar appears before the first designs are solved, because a compilation may come first.
         bar("designs", 0, options.points**2)
         m = design_map(
@@ -36,7 +36,6 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             (y[0], np.linspace(y[1], y[2], options.points)),
             pendulum=pendulum,
             start=np.zeros(4) if options.simulate else None,
-            cluster=cluster,
             progress=partial(bar, "designs"),
         )
     # The header comes after the work, because `design_map` rejects names that cannot be varied together, and

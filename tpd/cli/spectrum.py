@@ -32,8 +32,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # The motion of the job gives only the kind of the pulse.
     motion = f"{scene.excitation.kind} pulses of all frequencies and accelerations" if is_pulse else ""
     common.print_header(scene, pendulum, motion, job.messages)
-    with Bar() as bar, common.open_cluster(options) as cluster:
-        how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
+    with Bar() as bar:
+        how = {"gravity": float(scene.gravity), "progress": partial(bar, "blocks")}
         # A pulse can be varied in frequency and size, a record cannot: its spectrum varies the block instead.
         compute = _overturning if is_pulse else _rocking
         spectrum, content = compute(options, scene, pendulum, how)

@@ -262,17 +262,6 @@ class Results:
         return f"{self._folder} also contains files that are not of this run: {listed}" if names else ""
 
 
-def sealed(data: bytes, of: str = "") -> bytes:
-    """Return data after a checksum (SHA-256) of the data and of the text `of`; see `unsealed`."""
-    return hashlib.sha256(of.encode() + data).digest() + data
-
-
-def unsealed(content: bytes, of: str = "") -> bytes | None:
-    """Return the data of `sealed`; None if the bytes differ from those that were written for `of`."""
-    data = content[32:]
-    return data if sealed(data, of) == content else None
-
-
 def say_damaged(what: str, where: Path, then: str) -> None:
     """Warn that stored files are damaged, and how they are replaced."""
     warnings.warn(f"{what} in {where} were damaged, and are {then} again", stacklevel=2)

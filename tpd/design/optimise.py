@@ -21,10 +21,9 @@ import numpy as np
 
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
-from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted
-from tpd.core.progress import Count, Progress, bar_for, count_for, unreported
+from tpd.core.progress import Progress, bar_for, count_for, unreported
 from tpd.design.design import Design
 from tpd.design.first_guess import first_guess, rule_of_thumb
 from tpd.design.ground_motion import GroundMotionProblem
@@ -219,11 +218,11 @@ def _is_better(searched: Validation, rule: Validation) -> bool:
     return searched.runs.reduction_minus(rule.runs, measure).low > 0.0
 
 
-_STATUSES = tuple(DesignStatus.__members__)
-"""Names of the statuses. In the arrays of a cluster a status is its index here."""
+_SIZES = "mass", "length", "damping_ratio"
+"""Numbers of a pendulum in the table of several designs."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class Designs(Printed, Tabular):
     """Designs for n blocks, as arrays of shape (n,). Values are NaN where no pendulum is offered."""
 
@@ -247,7 +246,6 @@ class Designs(Printed, Tabular):
 def optimise_all(
     scenes: Sequence[Scene] | Sequence[Block],
     *,
-    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
     **settings: Any,
 ) -> Designs:
@@ -255,14 +253,12 @@ def optimise_all(
 
     Args:
         scenes: blocks with their excitation; under ground motions blocks alone.
-        cluster: processes or machines; without it the searches run one after the other. One search uses all
-            cores of its machine, so one process per machine is fastest.
         progress: True for a progress bar on stderr, or a function of (scenes done, total).
         settings: further arguments of `tpd.optimise`, the same for every scene.
 
     Raises:
         ValueError: an input is out of range, for instance an empty sequence of scenes.
-        RuntimeError: JAX is in 32-bit mode, or the cluster failed.
+        RuntimeError: JAX is in 32-bit mode.
 
     Example:
         >>> import tpd
@@ -272,7 +268,6 @@ def optimise_all(
         Designs for 2 blocks: 2 no uplift
     """
     checks.require_x64()
-    check_where(None, cluster)
     checks.instance("scenes", scenes, Sequence)
     if not scenes:
         raise ValueError("`scenes` must hold at least one scene, but is empty")
@@ -284,31 +279,16 @@ def optimise_all(
     # The first search would exhaust an iterator, so make a tuple of it.
     if settings.get("limits") is not None:
         settings["limits"] = tuple(settings["limits"])
-    shared, n = (tuple(scenes), settings), len(scenes)
-    with count_for(progress, "searching") as report:
-        if cluster is None:
-            columns = _rows_of(np.arange(n), *shared, report)
-        else:
-            # A search takes seconds. Each is a chunk of its own, so that a failure loses only one search.
-            columns = cluster.map("designs", _rows_of, np.arange(n), shared, chunk=1, progress=report)
-    status = np.array(_STATUSES)[columns.pop("status")]
-    return Designs(status=status, **columns)
-
-
-def _rows_of(
-    which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any], report: Count = unreported
-) -> dict[str, np.ndarray]:
-    """Return the designs of some of the scenes as columns, with the status as an index into `_STATUSES`."""
     rows = []
-    for i in map(int, which):
-        try:
-            design = optimise(scenes[i], **settings)
-        except ValueError as error:
-            raise ValueError(f"`scenes[{i}]`: {error}") from None
-        row: dict[str, float] = dict(zip(("value", "value_without"), design.risks, strict=True))
-        # Without a pendulum its sizes are NaN.
-        for name in ("mass", "length", "damping_ratio"):
-            row[name] = float(getattr(design.pendulum, name, np.nan))
-        rows.append({"status": _STATUSES.index(design.status.name), **row})
-        report(len(rows), len(which))
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    with count_for(progress, "searching") as report:
+        for i, scene in enumerate(scenes):
+            try:
+                design = optimise(scene, **settings)
+            except ValueError as error:
+                raise ValueError(f"`scenes[{i}]`: {error}") from None
+            # Without a pendulum its sizes are NaN.
+            sizes = (float(getattr(design.pendulum, name, np.nan)) for name in _SIZES)
+            rows.append((design.status.name, *sizes, *design.risks))
+            report(i + 1, len(scenes))
+    status, *numbers = map(np.array, zip(*rows, strict=True))
+    return Designs(status, *numbers)

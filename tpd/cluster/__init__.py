@@ -1,1 +1,0 @@
-"""Computation of long batches on several processes or machines."""
