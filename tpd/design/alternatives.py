@@ -97,6 +97,7 @@ def alternatives(problem: Problem) -> Alternatives:
     if (stated := problem.job and problem.job.level) is not None:
         peak, words = stated, "as stated"
     periods, damping = problem.isolation(peak)
+    # The tie pulls at the top, and the weight and the inertia act at the centroid.
     z = float(block.centroid)
     tie = float(block.mass) * gravity * max(peak - alone.uplift, 0.0) * z / float(block.height)
     # The block rocks on the same share of a wider base.

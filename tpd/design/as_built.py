@@ -322,6 +322,7 @@ def build_of(design: Design) -> Build | None:
     # |B| is 1 + kappa mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
     wall = 0.5 * float(block.clear_width)
+    # At an impact the hinge moves down with the old lower edge, and then up with the new one.
     jump = 0.5 * float((1.0 + block.velocity_ratio) * block.base_width * scene.rate * block.slenderness)
     kappa = float(pendulum.hinge_in(block) / block.centroid)
     build = Build(

@@ -262,6 +262,7 @@ class GroundMotionProblem(Problem):
     def usual_level(self) -> tuple[float, str]:
         """See `Problem.usual_level`. With a hazard it is the level that is exceeded once in 475 years, and
         otherwise the lowest level of the job, for the motion with the largest peak acceleration."""
+        # The strongest level of a job would ask for a tie that no code requires.
         hazard, gravity = self.conditions.hazard, float(self.scene.gravity)
         if hazard is not None and hazard.intensity == "pga":
             return hazard.level(1.0 / _CODE_PERIOD), f"once in {_CODE_PERIOD} years"

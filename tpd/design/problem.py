@@ -409,6 +409,7 @@ class Problem(ABC):
         """Return the parts of paired runs that are compared: each kind of start, or up to `most` ranges of
         levels. A part has a name and whether each run belongs to it; there are none for a single part."""
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
+        # Under a harmonic the start decides most, and under ground motions the level.
         parts = list(runs.with_pendulum.starts.items())
         if levels := np.array(list(self.levels.values())).tolist():
             ranges = [i.tolist() for i in np.array_split(np.arange(len(levels)), min(len(levels), most))]

@@ -277,6 +277,8 @@ def _failures(problem: Problem, best: Validation) -> Iterator[Variation]:
     """Yield the recommended pendulum with a stuck hinge and without its damper, in the validation runs."""
     if not measure_of(best) or best.runs is None:
         return
+    # Few pendulums are maintained for decades. Neither failure needs a model: a stuck hinge makes one block,
+    # and without a damper only friction and air remain.
     stuck = problem.scene.block.carrying(best.pendulum)
     words = "hinge stuck"
     yield Variation("failure", "hinge", words=words, scene=replace(problem.scene, block=stuck))

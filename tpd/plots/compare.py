@@ -63,6 +63,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     # Marks are not clipped: half of a mark at 0 or 1 could be taken for another mark.
     for case, x, size in zip(CASES, (without, pendulum), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})
+    # Two thin bars, a little apart, so that both can be seen where they overlap.
     for (_, rows_of_part), y in zip(_overturning(design, design.runs), heights[above:], strict=False):
         cases = design.runs.without_pendulum, design.runs.with_pendulum
         for runs, case, shift in zip(cases, CASES, (0.16, -0.16), strict=True):

@@ -42,6 +42,7 @@ def summary(design: Design, details: Details, directory: Path | None = None) -> 
         details: the answer of `tpd.details`. Rows whose results it does not have are left out.
         directory: folder of the report, for the commands.
     """
+    # An owner who reads only the beginning learns the verdict, what is cheaper, and what to buy.
     groups = {
         "What would change it": _refused(design),
         "Compare first": _compared(design, details),
@@ -82,7 +83,10 @@ def overview(design: Design, runs: PairedRuns) -> Table:
     if falls:
         way = "more" if every.with_pendulum > every.without_pendulum else "fewer"
         rows.append(("runs that overturn", *_shares(every, 1), _reduced(runs, "overturning", way)))
-        rows += _by_part(design.problem, runs)
+        for part, of in design.problem.parts_of(runs, _RANGES):
+            cases = runs.without_pendulum, runs.with_pendulum
+            rows.append((f"  {part}", *(percent(case.is_overturned[of].mean(), 1) for case in cases), ""))
+    # The mean of all runs falls mainly because fewer overturn. The median shows the runs that survive.
     name = "median tilt" if falls and design.best and design.best.measure != "tilt" else "mean tilt"
     tilt, remark = runs.change(name), ""
     if name == "mean tilt":
@@ -108,14 +112,6 @@ def _reduced(runs: PairedRuns, measure: str, way: str) -> str:
     return f"{by} {way}{around}{'' if significant or not less else ', not significant'}"
 
 
-def _by_part(problem: Problem, runs: PairedRuns) -> Iterator[tuple[Cell, ...]]:
-    """Yield the shares of the runs that overturn by kind of start, or by up to four ranges of levels."""
-    for name, rows in problem.parts_of(runs, _RANGES):
-        cases = runs.without_pendulum, runs.with_pendulum
-        shares = (percent(float(np.mean(case.is_overturned[rows])), 1) for case in cases)
-        yield f"  {name}", *shares, ""
-
-
 def _compared(design: Design, details: Details) -> Iterator[Row]:
     """Yield what to compare with the pendulum: measures without one, a wider block, the rule of thumb."""
     if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
@@ -123,6 +119,7 @@ def _compared(design: Design, details: Details) -> Iterator[Row]:
     yield "no pendulum", alternatives(design.problem).brief
     if details.of("base"):
         yield "wider block", wider_bases(details)
+    # Under earthquakes the pendulum of the rule is an answer, and not only a comparison.
     if design.rule is not None:
         yield from words.rule_and_search(design)
     elif details.first_guess is not None:
@@ -134,7 +131,10 @@ def _refused(design: Design) -> Iterator[Row]:
     yield from (("reason", text) for text in design.status.other(design.refusals)[:_REASONS])
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
         yield "inputs", design.remedy
-        yield "nearest", _nearest(design)
+        # A design that came near shows how far the limits or bounds are from an answer.
+        if design.nearest is not None:
+            near = design.problem.pendulum(design.nearest)
+            yield "nearest", f"{words.point(near, 3, 3)}, damping ratio {float(near.damping_ratio):.2g}"
         yield "limits", active_limits(design)
 
 
@@ -216,6 +216,7 @@ def depends_on(details: Details, alike: str = "") -> str:
 
 def if_a_part_fails(details: Details) -> str:
     """Return the runs that overturn, or the mean tilt, if a part fails; empty without a pendulum."""
+    # A case with more overturned runs than without a pendulum is also a danger, see `tpd.report.notes`.
     failures, parts = details.of("failure"), list[str]()
     if not failures:
         return ""
@@ -240,14 +241,6 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         cases = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
         pendulum, without = (percent(x.share_overturned.value, 1) for x in cases)
         yield f"{name}: {pendulum} ({without})"
-
-
-def _nearest(design: Design) -> str:
-    """Describe the design that came nearest; empty if no design was evaluated."""
-    if design.nearest is None:
-        return ""
-    near = design.problem.pendulum(design.nearest)
-    return f"equivalent point mass {words.point(near, 3, 3)}, damping ratio {float(near.damping_ratio):.2g}"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[Row]:

@@ -148,7 +148,8 @@ class Block:
         # A block that is not a uniform rectangle states its radius of gyration.
         if (radius := self.radius_of_gyration) is not None:
             checks.positive("radius_of_gyration", radius, every=True)
-            # The radius is largest if all of the mass is in the corners.
+            # The radius is largest if all of the mass is in the corners, divided between top and base so that
+            # the centroid has its height.
             z, of = self.centroid, "that of a mass in the corners"
             most = (0.25 * self.width**2 + z * (self.height - z)) ** 0.5
             checks.at_most("radius_of_gyration", radius, most, of)
@@ -255,6 +256,7 @@ class Block:
             >>> stuck.mass, stuck.centroid
             (1000.0, 0.775)
         """
+        # The bob at rest hangs below its hinge. Its own moment of inertia is that of a point.
         bob = pendulum.hinge_in(self) - pendulum.length
         mass = self.mass + pendulum.mass
         z = (self.mass * self.centroid + pendulum.mass * bob) / mass
@@ -557,6 +559,7 @@ def check_centroid(z: Any, height: Any, radius: Any) -> None:
     """
     if not all(map(checks.is_concrete, (z, height))):
         return
+    # A share of the height instead of metres lies below the range for all but small blocks.
     low, high = (share * np.min(height) for share in CENTROIDS)
     checks.within("centroid_height", z, low, high, " m above the base", every=True)
     if radius is None and np.any(z != 0.5 * np.asarray(height)):
