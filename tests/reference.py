@@ -25,14 +25,14 @@ from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.models.base import Model
 from tpd.theory.equations import Linear, Terms
 
-NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
-"""The order of a vector of parameters; e may be left out, and rho is tied to nu."""
+NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "kappa")
+"""The order of a vector of parameters; e = 1 and kappa = 2 may be left out, and rho is tied to nu."""
 
 REST = (0.0, 0.0, 0.0, 0.0)
 
 
 def parameters(x: Any) -> Parameters:
-    """The parameters in a vector of seven or, with e, eight."""
+    """The parameters in a vector of seven, eight or nine."""
     return Parameters(**dict(zip(NAMES, x, strict=False)))
 
 
@@ -154,7 +154,7 @@ class Answer(NamedTuple):
     steady: Steady
 
 
-def solver(model: Model | Callable[..., Model], size: int) -> Callable[..., Answer]:
+def solver(model: Model | Callable[..., Model]) -> Callable[..., Answer]:
     """`steady_state` of one model, or of what gives one for the arguments after `y0`, as a function of a
     vector, compiled once for all tests."""
 
@@ -169,8 +169,7 @@ def solver(model: Model | Callable[..., Model], size: int) -> Callable[..., Answ
         return jax.jacrev(sizes, has_aux=True)(x)
 
     def answer(x: Any, y0: Any = REST, *settings: float) -> Answer:
-        full = np.ones(size)
-        full[: len(x)] = x
+        full = np.array([*x, *(1.0, 2.0)[len(x) - 7 :]], dtype=float)
         slopes, s = solve(full, np.asarray(y0, dtype=float), *map(np.asarray, settings))
         slopes = np.asarray(slopes)[:, : len(x)]
         return Answer(float(s.amplitude), float(s.swing), status_name(s.status), slopes, s)
@@ -226,7 +225,7 @@ def matrices(linear: Linear) -> tuple[np.ndarray, ...]:
     return tuple(np.array(x, dtype=float) for x in (mass, damping, [[-linear.tilt, 0.0], [0.0, 1.0]]))
 
 
-exact = solver(Piecewise(), 8)
+exact = solver(Piecewise())
 """(parameters, y0) to the answer of `Piecewise()`; e = 1 unless given."""
 
 
@@ -240,7 +239,7 @@ class Coarser(Smoothed):
         return tuple(self.times * width for width in super().widths(p))
 
 
-_by_smoothed = solver(lambda times: Coarser(times=times), 8)
+_by_smoothed = solver(lambda times: Coarser(times=times))
 
 
 def smoothed(x: Any, y0: Any = REST, coarser: float = 1.0) -> Answer:
