@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.compiled.shaken import Case, operands, record
 from tests.reference import differences
-from tpd.compiled.columns import K, KAPPA, MU, NU, WIDTH, XI
+from tpd.compiled.columns import KAPPA, MU, NU, WIDTH, XI, K
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing, follow
 
