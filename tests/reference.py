@@ -411,8 +411,8 @@ class EventDriven:
             signal.terminal, signal.direction = True, -1  # type: ignore[attr-defined]
         options: Any = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-16, "max_step": step}
         sol = solve_ivp(rates, (t, end), y, events=signals, dense_output=True, **options)
-        while len(out) < len(times) and times[len(out)] <= sol.t[-1]:
-            out.append(sol.sol(times[len(out)]))
+        passed = times[len(out) : np.searchsorted(times, sol.t[-1], side="right")]
+        out += list(sol.sol(passed).T) if len(passed) else []
         met = [i for i, found in enumerate(sol.t_events) if len(found)]
         return sol.t[-1], sol.y[:, -1].copy(), met[0] if met else None
 
