@@ -97,3 +97,5 @@ def pytest_collection_modifyitems(items):
 def raises_within_programs(monkeypatch):
     """Errors found while a program runs are raised, as they are outside of the commands."""
     monkeypatch.setattr("equinox._errors.EQX_ON_ERROR", "raise")
+    # Programs that another test has compiled give NaN.
+    jax.clear_caches()
