@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import pkgutil
 import re
 from importlib import import_module
 
@@ -26,7 +25,7 @@ from tests.measures import (
     tree,
     worse,
 )
-from tests.test_english import messages
+from tests.test_english import exists, messages
 
 NOW = Source.here()
 
@@ -187,15 +186,6 @@ def names_in(text: str) -> list[str]:
     return re.findall(r"`([A-Za-z_][\w.]*)(?:\([^`]*\))?`", text)
 
 
-def is_at(name: str) -> bool:
-    """Return whether a name with dots can be imported, or is a field of a class that can."""
-    try:
-        return bool(pkgutil.resolve_name(name))
-    except (ImportError, AttributeError):
-        owner, _, field = name.rpartition(".")
-        return owner != "tpd" and field in getattr(pkgutil.resolve_name(owner), "__annotations__", {})
-
-
 def test_every_name_in_a_message_or_a_public_docstring_can_be_reached():
     page = Reference().text()
     public = {name for title in re.findall(r"^#+ `([\w.]+)`", page, re.M) for name in title.split(".")}
@@ -220,6 +210,6 @@ def test_every_name_in_a_message_or_a_public_docstring_can_be_reached():
         f"{place}: {name}"
         for place, text in texts
         for name in names_in(text)
-        if name in private or (name.startswith("tpd.") and not is_at(name))
+        if name in private or (name.startswith("tpd.") and not exists(name))
     ]
     assert not found
