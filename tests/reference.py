@@ -264,6 +264,13 @@ def differences(function: Callable[[np.ndarray], Any], x: Any, i: int, *, share:
     return (16.0 * e4 - e2) / 15.0
 
 
+def largest(x: np.ndarray) -> float:
+    """The largest value, from a parabola through the largest sample and its neighbours."""
+    i = int(np.clip(np.argmax(x), 1, len(x) - 2))
+    slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
+    return max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max())
+
+
 Mode = tuple[str, float, float]
 """Slip, stick or rest, with the signs of the tilt and of its rate."""
 
@@ -323,16 +330,9 @@ class EventDriven:
         return np.array(out)
 
     def period(self, y0: Any, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest |phi| and |psi| within so many periods of the excitation, and the last state.
-
-        A parabola through the largest sample and its neighbours gives each extremum."""
-        times = np.linspace(0.0, periods * self.period_of_excitation, 2001 * periods)
-        sizes, ys = [], self.run(y0, times)
-        for x in np.abs(ys[:, :2]).T:
-            i = int(np.clip(np.argmax(x), 1, len(x) - 2))
-            slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
-            sizes.append(max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max()))
-        return np.array(sizes), ys[-1]
+        """Return the largest |phi| and |psi| within so many periods of the excitation, and the last state."""
+        ys = self.run(y0, np.linspace(0.0, periods * self.period_of_excitation, 2001 * periods))
+        return np.array([largest(x) for x in np.abs(ys[:, :2]).T]), ys[-1]
 
     def _shaking(self, t: float) -> float:
         if self.samples is not None:

@@ -53,10 +53,6 @@ COMPETING = {
     r"in place of": "instead of",
 }
 """Terms that compete with one in the glossary, in the guide and in the text of notebooks."""
-PARTICIPLES = frozenset(
-    "hung bare found tried asked given said known met left told meets lost spared struck judged taken".split()
-)
-"""Words that no name consists of: they say what happened to a thing, and not what it is."""
 ALLOWED = frozenset({"tpd.cli.options: parse_known_args", "tpd.scene.status: not_known"})
 """Exceptions: a method that overrides one of argparse, and a public status."""
 VAGUE = re.compile(
@@ -82,6 +78,12 @@ PREFIX = re.compile(r"(\[\w+\]|`[^`]*`:|x:) x")
 def words_of(name: str) -> set[str]:
     """The words of a name, in lower case."""
     return set(re.findall(r"[a-z]+", re.sub(r"([A-Z])", r"_\1", name).lower()))
+
+
+PARTICIPLES = words_of(
+    "hung bare found tried asked given said known met left told meets lost spared struck judged taken"
+)
+"""Words that no name consists of: they say what happened to a thing, and not what it is."""
 
 
 def bound_names(path: Path) -> Iterator[tuple[int, str]]:

@@ -19,7 +19,6 @@ from tests.measures import (
     Source,
     base_commit,
     foreign_names,
-    kind_questions,
     longest_chain,
     name_of,
     tree,
@@ -125,41 +124,8 @@ def test_modules_that_make_sentences_do_not_search_them():
     assert not found
 
 
-STAND_INS = {"search", "exact", "uplift_harmonic", "without_pendulum", "earthquakes"}
-"""Attributes that only one kind of problem has: a comparison with None is a question about the kind."""
 ASKING = "design", "engines", "plots", "report", "explore", "cli"
 """Layers that know the problem of a design."""
-
-
-def asks_by_stand_in(node: ast.AST) -> bool:
-    """Return whether a node asks for the kind of a problem without its name or its class."""
-    match node:
-        case ast.Compare(left=ast.Name() | ast.Attribute(), ops=[ast.Is() | ast.IsNot()]):
-            return ast.unparse(node.left).rpartition(".")[2] in STAND_INS
-        case ast.Attribute(attr="settles"):
-            return True
-        case ast.If() | ast.IfExp():
-            tests = [node.test]
-        case ast.BoolOp():
-            tests = node.values
-        case ast.UnaryOp(op=ast.Not()):
-            tests = [node.operand]
-        case ast.Call(func=ast.Name(id="bool")):
-            tests = node.args
-        case _:
-            return False
-    names = [ast.unparse(x) for x in tests if isinstance(x, ast.Attribute)]
-    return any(name.endswith(("conditions.motions", ".groups", ".levels")) for name in names)
-
-
-def test_problem_classes_define_all_behaviour_that_depends_on_the_excitation():
-    # The two problems themselves are where the kinds differ.
-    paths = [path for name, path in MODULES.items() if folder(name) in ASKING]
-    trees = [tree(path) for path in paths if path.stem not in ("harmonic", "ground_motion")]
-    stand_ins = sum(asks_by_stand_in(node) for parsed in trees for node in ast.walk(parsed))
-    assert sum(map(kind_questions, trees)) + stand_ins <= 14
-    for text in ("design.search is not None", "problem.settles", "not conditions.motions", "x.groups or y"):
-        assert any(map(asks_by_stand_in, ast.walk(ast.parse(text))))
 
 
 def test_public_names_are_few_and_each_has_a_module():

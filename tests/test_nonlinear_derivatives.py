@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import tpd
-from tests.reference import NAMES, EventDriven, Mode, parameters
+from tests.reference import NAMES, EventDriven, Mode, largest, parameters
 from tpd.scene.parameters import unchecked
 
 MODEL = tpd.Nonlinear(rtol=1e-12, rest_rate=1e-7)
@@ -44,13 +44,6 @@ class Loop(EventDriven):
 def at(x: Any) -> tpd.Parameters:
     """The parameters in a vector of nine."""
     return unchecked(parameters(x[:8]), kappa=x[8])
-
-
-def largest(x: np.ndarray) -> float:
-    """The largest value, from a parabola through the largest sample and its neighbours."""
-    i = int(np.clip(np.argmax(x), 1, len(x) - 2))
-    slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
-    return max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max())
 
 
 def differences(function: Callable[[np.ndarray], np.ndarray], x: Any) -> np.ndarray:
