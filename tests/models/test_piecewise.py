@@ -94,11 +94,6 @@ def test_an_estimate_that_was_not_computed_has_no_derivative():
     assert np.isnan(jax.grad(estimate)(0.05))
 
 
-def test_settings_out_of_range_are_rejected():
-    with pytest.raises(ValueError, match="`max_periods` must be a whole number, 1 or more, but is 0"):
-        Piecewise(max_periods=0)
-
-
 # Folds, breaking of symmetry, grazing, sticking
 
 
@@ -274,8 +269,10 @@ def test_a_trajectory_is_nan_after_overturning():
     assert not finite[-1]
 
 
-def test_too_few_events_have_the_status_event_bound():
+@pytest.mark.parametrize("model", [Piecewise(max_events=1), Nonlinear(max_events=1)])
+def test_too_few_events_have_the_status_event_bound_and_a_last_state_of_nan(model):
     p = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.5)
-    model = Nonlinear(max_events=1)
     assert status_name(steady_state(p, model=model).status) == "event_bound"
-    assert status_name(simulate(p, np.zeros(4), [0.0, 9.0], model=model).status) == "event_bound"
+    motion = simulate(p, np.zeros(4), [0.0, 9.0], model=model)
+    assert status_name(motion.status) == "event_bound"
+    assert np.all(np.isnan(motion.ys[-1]))

@@ -23,7 +23,7 @@ from tests.reference import (
     smoothed,
     solver,
 )
-from tpd import Nonlinear, Parameters, Smoothed, Terms, simulate, status_name, steady_state
+from tpd import Nonlinear, Parameters, Piecewise, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.models.smoothed import rocking_scale
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import uniform_inertia_ratio
@@ -247,13 +247,18 @@ def test_impacts_that_cannot_be_smoothed_are_rejected(call, terms, e, message):
         call(parameters((*WITH[0].x, e)), model=Smoothed(terms=terms))
 
 
+@pytest.mark.parametrize("model", [Piecewise, Smoothed])
+def test_a_model_follows_at_least_one_period(model):
+    with pytest.raises(ValueError, match="`max_periods` must be a whole number, 1 or more, but is 0"):
+        model(max_periods=0)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"sharpness": 0.0}, "`sharpness` must be between 1e-06 and 1, but is 0"),
         ({"sharpness": 2.0}, "`sharpness` must be between 1e-06 and 1, but is 2"),
         ({"rtol": -1e-6}, "`rtol` must be positive and finite, but is -1e-06"),
-        ({"max_periods": 0}, "`max_periods` must be a whole number, 1 or more, but is 0"),
     ],
 )
 def test_settings_out_of_range_are_rejected(options, message):
