@@ -35,8 +35,8 @@ PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 CEILINGS = {
     "code lines": 20050,
     "characters of code": 1007500,
-    "lines of tests": 28895,
-    "lines of benchmarks": 5265,
+    "lines of tests": 28729,
+    "lines of benchmarks": 4467,
     "modules": 184,
 }
 """Largest values of the measures that grow with what the package can do. They are only lowered. All other
