@@ -58,14 +58,15 @@ def pytest_configure(config):
 TESTS = Path(__file__).parent
 LONGEST = (
     "test_notebooks",
-    "cluster/test_cluster",
-    "design/test_optimise",
-    "browser/test_page",
+    "design/test_corrections",
     "models/test_smoothed",
+    "cluster/test_cluster",
+    "browser/test_page",
+    "test_nonlinear_derivatives",
     "cli/test_optimise",
-    "models/test_period_map",
-    "answers/test_transient",
-    "answers/test_critical_scale",
+    "browser/test_rocking",
+    "design/test_optimise",
+    "test_examples",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 

@@ -35,7 +35,7 @@ PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 CEILINGS = {
     "code lines": 20050,
     "characters of code": 1007500,
-    "lines of tests": 28729,
+    "lines of tests": 28730,
     "lines of benchmarks": 4467,
     "modules": 184,
 }
