@@ -1,5 +1,6 @@
 """64-bit floats, no silent rank promotion, and types checked by beartype, with the shapes of jaxtyping."""
 
+import ctypes
 import gc
 import os
 import pkgutil
@@ -57,29 +58,33 @@ def pytest_configure(config):
 TESTS = Path(__file__).parent
 LONGEST = (
     "test_notebooks",
-    "design/test_optimise",
-    "browser/test_page",
+    "design/test_corrections",
     "models/test_smoothed",
+    "browser/test_page",
+    "test_nonlinear_derivatives",
     "cli/test_optimise",
-    "models/test_period_map",
-    "answers/test_transient",
-    "answers/test_critical_scale",
+    "browser/test_rocking",
+    "design/test_optimise",
+    "test_examples",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 
 
-_MAPS = 20_000
-"""Memory maps of a process from which on compiled programs are dropped: Linux allows 65 530, and the compiler
-crashes beyond."""
+MOST_MEMORY = 1.3e9
+"""Bytes of a process from which on its compiled programs are dropped after a module. These would also reach
+the 65 530 memory maps that Linux allows, beyond which the compiler crashes."""
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few_memory_maps():
+def little_memory():
     """Drop what was compiled where a worker holds too many programs."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_text().count("\n") > _MAPS:
+    pages = Path("/proc/self/statm")
+    if pages.exists() and int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") > MOST_MEMORY:
         jax.clear_caches()
+        gc.collect()
+        # The freed blocks lie between others, so that the C library keeps them if not asked.
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def pytest_collection_modifyitems(items):
@@ -92,3 +97,5 @@ def pytest_collection_modifyitems(items):
 def raises_within_programs(monkeypatch):
     """Errors found while a program runs are raised, as they are outside of the commands."""
     monkeypatch.setattr("equinox._errors.EQX_ON_ERROR", "raise")
+    # Programs that another test has compiled give NaN.
+    jax.clear_caches()

@@ -32,8 +32,8 @@ SMALL: dict[str, dict[str, object]] = {
     "tpd.design.corrections": {"_SPREAD": 8, "_DRAWS": 256},
 }
 """Sizes of a search that are no arguments, by module."""
-RUNS, RECORDS = 512, 2
-"""Validation runs of a design, and which of every so many records is kept."""
+RUNS, RECORDS, OUTCOMES = 512, 4, 96
+"""Validation runs of a design, which of every so many records is kept, and most runs of `tpd.outcomes`."""
 
 
 def make_small() -> None:
@@ -41,6 +41,7 @@ def make_small() -> None:
     import tpd
 
     at_full, records_of = tpd.optimise, tpd.records.fema_p695
+    outcomes_of = tpd.outcomes
 
     @wraps(at_full)
     def optimise(scene, *args, **others):
@@ -63,7 +64,13 @@ def make_small() -> None:
             ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
         return at_full(scene, *args, **others | {"method": method, "ensemble": ensemble})
 
-    tpd.optimise = optimise
+    @wraps(outcomes_of)
+    def outcomes(*args, ensemble=None, **others):
+        if ensemble is not None:
+            ensemble = replace(ensemble, size=min(ensemble.size, OUTCOMES))
+        return outcomes_of(*args, ensemble=ensemble, **others)
+
+    tpd.optimise, tpd.outcomes = optimise, outcomes
     tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
     for module, sizes in SMALL.items():
         home = import_module(module)

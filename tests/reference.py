@@ -25,14 +25,14 @@ from tpd.compiled.simulate import HarmonicForcing, Run, follow
 from tpd.models.base import Model
 from tpd.theory.equations import Linear, Terms
 
-NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
-"""The order of a vector of parameters; e may be left out, and rho is tied to nu."""
+NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "kappa")
+"""The order of a vector of parameters; e = 1 and kappa = 2 may be left out, and rho is tied to nu."""
 
 REST = (0.0, 0.0, 0.0, 0.0)
 
 
 def parameters(x: Any) -> Parameters:
-    """The parameters in a vector of seven or, with e, eight."""
+    """The parameters in a vector of seven, eight or nine."""
     return Parameters(**dict(zip(NAMES, x, strict=False)))
 
 
@@ -154,7 +154,7 @@ class Answer(NamedTuple):
     steady: Steady
 
 
-def solver(model: Model | Callable[..., Model], size: int) -> Callable[..., Answer]:
+def solver(model: Model | Callable[..., Model]) -> Callable[..., Answer]:
     """`steady_state` of one model, or of what gives one for the arguments after `y0`, as a function of a
     vector, compiled once for all tests."""
 
@@ -169,8 +169,7 @@ def solver(model: Model | Callable[..., Model], size: int) -> Callable[..., Answ
         return jax.jacrev(sizes, has_aux=True)(x)
 
     def answer(x: Any, y0: Any = REST, *settings: float) -> Answer:
-        full = np.ones(size)
-        full[: len(x)] = x
+        full = np.array([*x, *(1.0, 2.0)[len(x) - 7 :]], dtype=float)
         slopes, s = solve(full, np.asarray(y0, dtype=float), *map(np.asarray, settings))
         slopes = np.asarray(slopes)[:, : len(x)]
         return Answer(float(s.amplitude), float(s.swing), status_name(s.status), slopes, s)
@@ -226,7 +225,7 @@ def matrices(linear: Linear) -> tuple[np.ndarray, ...]:
     return tuple(np.array(x, dtype=float) for x in (mass, damping, [[-linear.tilt, 0.0], [0.0, 1.0]]))
 
 
-exact = solver(Piecewise(), 8)
+exact = solver(Piecewise())
 """(parameters, y0) to the answer of `Piecewise()`; e = 1 unless given."""
 
 
@@ -240,7 +239,7 @@ class Coarser(Smoothed):
         return tuple(self.times * width for width in super().widths(p))
 
 
-_by_smoothed = solver(lambda times: Coarser(times=times), 8)
+_by_smoothed = solver(lambda times: Coarser(times=times))
 
 
 def smoothed(x: Any, y0: Any = REST, coarser: float = 1.0) -> Answer:
@@ -263,6 +262,13 @@ def differences(function: Callable[[np.ndarray], Any], x: Any, i: int, *, share:
     d1, d2, d4 = (central(step / n) for n in (1, 2, 4))
     e2, e4 = (4.0 * d2 - d1) / 3.0, (4.0 * d4 - d2) / 3.0
     return (16.0 * e4 - e2) / 15.0
+
+
+def largest(x: np.ndarray) -> float:
+    """The largest value, from a parabola through the largest sample and its neighbours."""
+    i = int(np.clip(np.argmax(x), 1, len(x) - 2))
+    slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
+    return max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max())
 
 
 Mode = tuple[str, float, float]
@@ -324,16 +330,9 @@ class EventDriven:
         return np.array(out)
 
     def period(self, y0: Any, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest |phi| and |psi| within so many periods of the excitation, and the last state.
-
-        A parabola through the largest sample and its neighbours gives each extremum."""
-        times = np.linspace(0.0, periods * self.period_of_excitation, 2001 * periods)
-        sizes, ys = [], self.run(y0, times)
-        for x in np.abs(ys[:, :2]).T:
-            i = int(np.clip(np.argmax(x), 1, len(x) - 2))
-            slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
-            sizes.append(max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max()))
-        return np.array(sizes), ys[-1]
+        """Return the largest |phi| and |psi| within so many periods of the excitation, and the last state."""
+        ys = self.run(y0, np.linspace(0.0, periods * self.period_of_excitation, 2001 * periods))
+        return np.array([largest(x) for x in np.abs(ys[:, :2]).T]), ys[-1]
 
     def _shaking(self, t: float) -> float:
         if self.samples is not None:
@@ -412,8 +411,8 @@ class EventDriven:
             signal.terminal, signal.direction = True, -1  # type: ignore[attr-defined]
         options: Any = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-16, "max_step": step}
         sol = solve_ivp(rates, (t, end), y, events=signals, dense_output=True, **options)
-        while len(out) < len(times) and times[len(out)] <= sol.t[-1]:
-            out.append(sol.sol(times[len(out)]))
+        passed = times[len(out) : np.searchsorted(times, sol.t[-1], side="right")]
+        out += list(sol.sol(passed).T) if len(passed) else []
         met = [i for i, found in enumerate(sol.t_events) if len(found)]
         return sol.t[-1], sol.y[:, -1].copy(), met[0] if met else None
 

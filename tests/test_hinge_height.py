@@ -100,28 +100,20 @@ def test_states_agree_with_an_integration_from_event_to_event(kappa, nonlinear):
 
 
 def slope_and_difference(function: Any, kappa: float, h: float) -> tuple[Any, Any]:
-    ahead, back = function(kappa + h), function(kappa - h)
-    difference = (8.0 * (ahead - back) - (function(kappa + 2 * h) - function(kappa - 2 * h))) / (12.0 * h)
-    return jax.jacfwd(function)(kappa), difference
+    # One program for the values and the slope.
+    both = jax.jit(lambda x: jax.jvp(function, (x,), (1.0,)))
+    back_2, back, ahead, ahead_2 = (both(kappa + i * h)[0] for i in (-2, -1, 1, 2))
+    return both(kappa)[1], (8.0 * (ahead - back) - (ahead_2 - back_2)) / (12.0 * h)
 
 
-@pytest.mark.parametrize(
-    ("model", "changed", "tolerance"),
-    [
-        (tpd.Piecewise(), {}, 1e-8),
-        (tpd.Piecewise(), {"k": 0.05, "e": None}, 1e-8),
-        (tpd.Smoothed(), {}, 1e-5),
-        (tpd.Smoothed(terms=tpd.Terms.parametric), {"k": 0.05}, 1e-5),
-        (tpd.Smoothed(terms=tpd.Terms.nonlinear), {"k": 0.05, "e": 1.0}, 1e-5),
-    ],
-)
-def test_the_derivative_of_a_settled_motion_equals_differences(model, changed, tolerance):
+@pytest.mark.parametrize("changed", [{}, {"k": 0.05, "e": None}])
+def test_the_derivative_of_a_settled_motion_equals_differences(changed):
     def sizes(kappa):
-        steady = amplitude(kappa, model, **changed)
+        steady = amplitude(kappa, **changed)
         return jnp.stack([steady.amplitude, steady.swing, *steady.state])
 
     slope, difference = slope_and_difference(sizes, 1.3, 1e-3)
-    np.testing.assert_allclose(slope, difference, rtol=tolerance, atol=tolerance)
+    np.testing.assert_allclose(slope, difference, rtol=1e-8, atol=1e-8)
 
 
 def test_derivatives_in_the_hinge_height_equal_differences():
@@ -169,7 +161,7 @@ def test_the_static_limit_falls_with_the_height_of_the_hinge():
         assert below < 0.0 < above
 
 
-@pytest.mark.parametrize("kappa", [0.0, -1.0, 4.01])
-def test_a_hinge_at_the_base_or_above_twice_the_height_is_rejected(kappa):
+@pytest.mark.parametrize("kappa", [0.0, -1.0, 20.01])
+def test_a_hinge_at_the_base_or_far_above_the_block_is_rejected(kappa):
     with pytest.raises(ValueError, match=r"`kappa` must be .*, but is"):
         tpd.Parameters(**BASE, kappa=kappa)

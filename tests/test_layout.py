@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import pkgutil
 import re
 from importlib import import_module
 
@@ -20,13 +19,12 @@ from tests.measures import (
     Source,
     base_commit,
     foreign_names,
-    kind_questions,
     longest_chain,
     name_of,
     tree,
     worse,
 )
-from tests.test_english import messages
+from tests.test_english import exists, messages
 
 NOW = Source.here()
 
@@ -126,41 +124,8 @@ def test_modules_that_make_sentences_do_not_search_them():
     assert not found
 
 
-STAND_INS = {"search", "exact", "uplift_harmonic", "without_pendulum", "earthquakes"}
-"""Attributes that only one kind of problem has: a comparison with None is a question about the kind."""
 ASKING = "design", "engines", "plots", "report", "explore", "cli"
 """Layers that know the problem of a design."""
-
-
-def asks_by_stand_in(node: ast.AST) -> bool:
-    """Return whether a node asks for the kind of a problem without its name or its class."""
-    match node:
-        case ast.Compare(left=ast.Name() | ast.Attribute(), ops=[ast.Is() | ast.IsNot()]):
-            return ast.unparse(node.left).rpartition(".")[2] in STAND_INS
-        case ast.Attribute(attr="settles"):
-            return True
-        case ast.If() | ast.IfExp():
-            tests = [node.test]
-        case ast.BoolOp():
-            tests = node.values
-        case ast.UnaryOp(op=ast.Not()):
-            tests = [node.operand]
-        case ast.Call(func=ast.Name(id="bool")):
-            tests = node.args
-        case _:
-            return False
-    names = [ast.unparse(x) for x in tests if isinstance(x, ast.Attribute)]
-    return any(name.endswith(("conditions.motions", ".groups", ".levels")) for name in names)
-
-
-def test_problem_classes_define_all_behaviour_that_depends_on_the_excitation():
-    # The two problems themselves are where the kinds differ.
-    paths = [path for name, path in MODULES.items() if folder(name) in ASKING]
-    trees = [tree(path) for path in paths if path.stem not in ("harmonic", "ground_motion")]
-    stand_ins = sum(asks_by_stand_in(node) for parsed in trees for node in ast.walk(parsed))
-    assert sum(map(kind_questions, trees)) + stand_ins <= 14
-    for text in ("design.search is not None", "problem.settles", "not conditions.motions", "x.groups or y"):
-        assert any(map(asks_by_stand_in, ast.walk(ast.parse(text))))
 
 
 def test_public_names_are_few_and_each_has_a_module():
@@ -187,15 +152,6 @@ def names_in(text: str) -> list[str]:
     return re.findall(r"`([A-Za-z_][\w.]*)(?:\([^`]*\))?`", text)
 
 
-def is_at(name: str) -> bool:
-    """Return whether a name with dots can be imported, or is a field of a class that can."""
-    try:
-        return bool(pkgutil.resolve_name(name))
-    except (ImportError, AttributeError):
-        owner, _, field = name.rpartition(".")
-        return owner != "tpd" and field in getattr(pkgutil.resolve_name(owner), "__annotations__", {})
-
-
 def test_every_name_in_a_message_or_a_public_docstring_can_be_reached():
     page = Reference().text()
     public = {name for title in re.findall(r"^#+ `([\w.]+)`", page, re.M) for name in title.split(".")}
@@ -220,6 +176,6 @@ def test_every_name_in_a_message_or_a_public_docstring_can_be_reached():
         f"{place}: {name}"
         for place, text in texts
         for name in names_in(text)
-        if name in private or (name.startswith("tpd.") and not is_at(name))
+        if name in private or (name.startswith("tpd.") and not exists(name))
     ]
     assert not found

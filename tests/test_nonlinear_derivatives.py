@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import tpd
-from tests.reference import NAMES, EventDriven, Mode, parameters
+from tests.reference import NAMES, EventDriven, Mode, largest, parameters
 from tpd.scene.parameters import unchecked
 
 MODEL = tpd.Nonlinear(rtol=1e-12, rest_rate=1e-7)
@@ -30,7 +30,7 @@ SAMPLES = 1.1 * np.array([0.0, 1.0, 2.5, 0.5, -2.0, -3.0, -1.0, 2.0, 3.0, 1.0, -
 
 
 class Loop(EventDriven):
-    """The event loop with a hinge at any height, which also keeps the tilts at its events."""
+    """The event loop, which also keeps the tilts at its events."""
 
     def __init__(self, x: Any, **options: Any) -> None:
         super().__init__(x[:8], nonlinear=True, kappa=x[8], **options)
@@ -44,13 +44,6 @@ class Loop(EventDriven):
 def at(x: Any) -> tpd.Parameters:
     """The parameters in a vector of nine."""
     return unchecked(parameters(x[:8]), kappa=x[8])
-
-
-def largest(x: np.ndarray) -> float:
-    """The largest value, from a parabola through the largest sample and its neighbours."""
-    i = int(np.clip(np.argmax(x), 1, len(x) - 2))
-    slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
-    return max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max())
 
 
 def differences(function: Callable[[np.ndarray], np.ndarray], x: Any) -> np.ndarray:
@@ -113,7 +106,7 @@ def test_derivatives_of_a_transient_under_a_record_equal_differences(friction, e
     def known(v: np.ndarray) -> np.ndarray:
         scene, pendulum = shaken(*v[:9])
         p, speeds = scene.ground_parameters(pendulum), np.array([1.0, 1.0, scene.rate, scene.rate])
-        x = [*(float(getattr(p, name)) for name in NAMES), float(p.kappa)]
+        x = [float(getattr(p, name)) for name in NAMES]
         loop = Loop(x, samples=(-v[8] * SAMPLES / v[7], 0.2 * speeds[2]))
         ys = loop.run(v[9:13] / speeds, np.linspace(0.0, (2.4 + v[13]) * speeds[2], 8001))
         angles = max(map(abs, loop.turns)), *map(largest, np.abs([ys[:, 1], ys[:, 1] - ys[:, 0]]))

@@ -33,16 +33,13 @@ def only(rows: list[dict], space: str) -> dict:
     return row
 
 
-def test_the_wide_space_has_twice_the_logarithmic_width():
+def test_the_wide_space_has_twice_the_logarithmic_width_and_contains_narrower_spaces():
     ends = regret.ends_of("wide", OWN)
     assert ends[:, 0] == pytest.approx([0.005, 0.08])
     assert ends[:, 2] == pytest.approx([0.025, 0.4])
     assert ends[1, 1] == 2.0
     assert np.array_equal(regret.ends_of("own", OWN), OWN)
     assert np.array_equal(regret.ends_of("damping", OWN), [OWN[0], [0.04, 0.9, 2.0]])
-
-
-def test_a_space_contains_designs_on_its_bounds_and_narrower_spaces():
     assert regret.contains(OWN, OWN[1])
     assert not regret.contains(OWN, OWN[1] * [1.0, 1.0, 1.001])
     own, wide, damping = (regret.ends_of(space, OWN) for space in regret.SPACES)
@@ -75,9 +72,7 @@ def test_the_regret_is_the_difference_from_the_best_known_value():
     found = only([*rows, search("own", 2, 0.02, status="not_recommended")], "own")
     assert found["regret"][2] == np.inf
     assert (found["worst"], found["missed"]) == (pytest.approx(0.03), 1)
-
-
-def test_a_search_misses_no_design_if_none_is_known():
+    # Nothing is missed if no design exists.
     found = only([SCENE, search("own", 0, 0.02, status="not_recommended")], "own")
     assert (found["worst"], found["missed"], found["regret"]) == (None, 0, [np.inf])
 

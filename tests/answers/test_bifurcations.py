@@ -16,7 +16,7 @@ from tpd.answers import bifurcations as module
 from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, along, bifurcations
 from tpd.scene.quantities import Axis
 
-NAMES = (*reference.NAMES, "rho")
+NAMES = (*reference.NAMES[:8], "rho")
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
 HIGH = np.array([0.35, 0.5, 2.0, 1.2, 0.15, 0.6, 6.0, 1.0])
 """The box that random scenes are drawn from, in NAMES without rho."""

@@ -74,7 +74,7 @@ def test_a_scan_below_uplift_has_no_critical_scale():
         assert np.isinf(float(found.scale))
         assert "does not overturn up to 0.06 times" in str(found)
         assert np.isnan(found.tongues).all()
-    assert np.isnan(jax.grad(lambda e: tpd.critical_scale(lossy(e), highest=0.06).scale)(0.95))
+    assert np.isnan(jax.jit(jax.grad(lambda e: tpd.critical_scale(lossy(e), highest=0.06).scale))(0.95))
     scene, pendulum = resonant(0.01, 30)
     found = tpd.critical_scale(scene, pendulum, scan=0.02, highest=0.2)
     assert float(found.scale) < 0.17
@@ -152,7 +152,7 @@ def test_derivatives_in_the_shape_of_a_pulse_are_nan_and_change_no_others():
 
     x, step = np.array([2.0, 0.3, 1.0]), np.array([0.0, 0.0, 1e-5])
     quotient = (float(scale(*(x + step))) - float(scale(*(x - step)))) / 2e-5
-    slopes = np.array(jax.jacrev(scale, argnums=(0, 1, 2))(*x))
+    slopes = np.array(jax.jit(jax.jacrev(scale, argnums=(0, 1, 2)))(*x))
     assert np.all(np.isnan(slopes[:2]))
     assert slopes[2] == pytest.approx(quotient, rel=1e-6)
 

@@ -52,9 +52,9 @@ def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
 
 
 @EACH
-def test_a_template_accepts_a_pulse_or_records_instead_of_the_harmonic(kind):
+def test_a_template_accepts_a_pulse_or_records_with_a_hazard_instead_of_the_harmonic(kind):
     text = new.template(kind)
-    motion = text[text.index("[excitation]") : text.index("# [hazard]")]
+    motion, hazard = (text[text.index("[excitation]") : text.index(end)] for end in ("# [hazard]", "[bob]"))
     optional = [line for line in motion.splitlines() if re.match(r"# \w+ = ", line)]
     assert [line.split()[1] for line in optional] == [*PULSE, *RECORD_KEYS]
     for keys in (PULSE, RECORD_KEYS):
@@ -63,15 +63,10 @@ def test_a_template_accepts_a_pulse_or_records_instead_of_the_harmonic(kind):
         assert job.kind == ("pulse" if keys is PULSE else "records")
         assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
         assert job.hazard is None
-
-
-@EACH
-def test_the_hazard_of_the_template_fits_the_records(kind):
-    text = new.template(kind)
-    motion = text[text.index("[excitation]") : text.index("[bob]")]
-    lines = [line[2:] for line in motion.splitlines() if re.match(r"# (\w+ = |\[hazard)", line)]
+    # A hazard belongs to records.
+    lines = [line[2:] for line in hazard.splitlines() if re.match(r"# (\w+ = |\[hazard)", line)]
     chosen = "\n".join(line for line in lines if line.split()[0] not in PULSE)
-    job = jobs.job_of(tomllib.loads(text.replace(motion, f"[excitation]\n{chosen}\n")))
+    job = jobs.job_of(tomllib.loads(text.replace(hazard, f"[excitation]\n{chosen}\n")))
     assert job.hazard is job.conditions.hazard
     assert job.hazard.measure.unit == "g"
     # The rates in the template are those of the return periods in its comment.

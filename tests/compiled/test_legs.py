@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.compiled.shaken import Case, operands, record
 from tests.reference import differences
-from tpd.compiled.columns import WIDTH, XI
+from tpd.compiled.columns import KAPPA, MU, NU, WIDTH, XI, K
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing, follow
 
@@ -59,3 +59,20 @@ def test_derivatives_over_pieces_of_many_legs_equal_differences(terms):
     expected = differences(lambda z: float(results(z, pieces, terms, free=0.0)[4]), x, XI, share=1e-5)
     assert abs(expected) > 1e-5
     assert by[4, XI] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("terms", TERMS)
+def test_the_growing_coordinate_is_zero_at_the_unstable_tilt_of_all_parameters(terms):
+    # A free block that starts at its unstable tilt, with the bob almost at rest.
+    p = tpd.Parameters(nu=0.3, mu=0.1, lam=0.4, zeta=0.05, k=0.02, f=0.1, xi=0.01, rho=0.7, e=0.9, kappa=1.3)
+
+    def tilt(row):
+        weight, up, k = row[NU] * (1.0 + row[MU]), 1.0 + row[MU] * row[KAPPA], row[K]
+        if terms is tpd.Terms.linear:
+            return (weight + k) / up
+        return np.arctan(weight / up) + np.arcsin(k / np.hypot(weight, up))
+
+    row = row_of(p)
+    by = jax.jacfwd(results)(np.append(row, [tilt(row), 0.0, 0.0, -1e-9]), np.zeros((1, 4)), terms)[7]
+    by_row = [-by[WIDTH] * float(differences(tilt, row, j, share=1e-5)) for j in range(WIDTH)]
+    np.testing.assert_allclose(by[:WIDTH], by_row, atol=1e-8)

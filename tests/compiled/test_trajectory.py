@@ -65,17 +65,6 @@ def test_a_motion_reaches_every_end_time_in_a_few_events():
         assert simulate(p, y0, np.array([0.0, horizon]), model=few).status == Status.rocking
 
 
-def test_a_trajectory_with_too_few_events_is_nan_with_a_status():
-    motion = simulate(
-        parameters(WITH[0].x),
-        np.zeros(4),
-        clock(WITH[0].x, 30),
-        model=Piecewise(max_events=1),
-    )
-    assert motion.status == Status.event_bound
-    assert np.all(np.isnan(motion.ys[-1]))
-
-
 def test_states_and_derivatives_are_nan_after_overturning():
     ys, slopes, status = along(OVERTURNING, REST, clock(OVERTURNING, 20))
     assert status == "overturned"

@@ -8,6 +8,7 @@ import pytest
 
 import tpd
 from tests.designs import SCENE
+from tests.explore import made
 from tpd.design.job import job_of
 from tpd.explore.page import Page, explore
 
@@ -27,7 +28,7 @@ def test_the_page_is_one_file_below_two_megabytes(page):
     assert page.html.startswith("<!DOCTYPE html>")
     assert len(page.html) < 2_000_000
     assert not re.search(r"@[A-Z]+@", page.html), "all places of the template are filled"
-    assert not re.search(r"https?://", page.html)
+    assert not re.search(r"https?://|<link|@import|src=", page.html)
     assert data(page)["version"] == tpd.__version__
 
 
@@ -39,7 +40,8 @@ def test_the_joined_script_has_no_import_and_no_duplicate_name(page):
     assert len(names) > 40
 
 
-def test_a_project_name_cannot_close_the_script_element():
+def test_a_project_name_cannot_close_the_script_element(monkeypatch):
+    made.small_tables(monkeypatch)
     name = "</script><script>alert(1)</script>"
     page = explore(job_of({"project": {"name": name}}))
     assert "<script>alert" not in page.html

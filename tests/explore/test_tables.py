@@ -12,14 +12,11 @@ SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
 
 
-def test_stated_values_in_range_are_nodes_of_the_axis():
+def test_stated_values_in_range_are_nodes_of_the_axis_and_replace_nearby_ones():
     own = axis("frequency", 1.0, 100.0, 5, [3.0, 30.0, 300.0])
     assert {1.0, 3.0, 30.0, 100.0} <= set(own.values)
     assert 300.0 not in own.values, "it is out of range"
     assert (np.diff(own.values) > 0.0).all()
-
-
-def test_a_stated_value_replaces_a_nearby_node():
     # 9.0 is next to the node 10 of 1, 10, 100.
     np.testing.assert_allclose(axis("frequency", 1.0, 100.0, 3, [9.0]).values, [1.0, 9.0, 100.0])
     assert axis("damping", 0.0, 1.0, 5, [0.3], log=False).values.tolist() == [0.0, 0.3, 0.5, 0.75, 1.0]
@@ -54,14 +51,11 @@ def test_the_table_uses_housners_restitution_of_each_bob():
     assert table.fields["tilt"][-1] == pytest.approx(float(orbits.amplitude[0]) * 6.0, rel=1e-12)
 
 
-def test_the_error_estimates_of_all_axes_are_added():
+def test_the_error_is_the_sum_of_all_axes_and_next_to_a_missing_orbit_a_share_of_the_step():
     x = axis("damping", 0.0, 4.0, 5, log=False)
     y = axis("amplitude", 0.0, 2.0, 3, log=False)
     values = x.values[:, None] ** 2 + 3.0 * y.values**2
     np.testing.assert_allclose(interpolation_error(values, [x, y]), SAFETY * (0.25 + 0.75))
-
-
-def test_the_error_next_to_a_missing_orbit_is_a_share_of_the_step():
     x = axis("damping", 0.0, 3.0, 4, log=False)
     error = interpolation_error(np.array([1.0, 5.0, np.nan, 7.0]), [x])
     # Nothing is interpolated along this axis from the last node.

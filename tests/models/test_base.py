@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from tests.reference import WITH, box, parameters
+from tests.reference import box
 from tpd import Nonlinear, Parameters, Piecewise, status_name, steady_state
 from tpd.compiled.simulate import EVENTS, PERIODS, REST_RATES
 
@@ -42,17 +42,3 @@ def test_default_bounds_of_a_model_equal_those_of_a_batch(model):
     assert model.max_periods == PERIODS[model.equations]
     assert model.max_events == EVENTS
     assert model.rest_rate == REST_RATES[model.equations]
-
-
-def test_linear_and_nonlinear_models_agree_at_small_angles():
-    # What the linear model neglects is of second order in the angles.
-    scale = 1e-3
-    for x in (WITH[2].x, WITH[3].x):
-        small = parameters((x[0] * scale, *x[1:4], x[4] * scale, x[5] * scale, x[6]))
-        linear, nonlinear = (steady_state(small, model=model) for model in (Piecewise(), Nonlinear()))
-        assert status_name(nonlinear.status) == status_name(linear.status) == "rocking"
-        for name in ("periods", "symmetric"):
-            assert getattr(nonlinear, name) == getattr(linear, name)
-        for name in ("amplitude", "swing"):
-            assert getattr(nonlinear, name) == pytest.approx(getattr(linear, name), rel=1e-7)
-        np.testing.assert_allclose(nonlinear.state, linear.state, atol=1e-7 * linear.swing)

@@ -1,11 +1,16 @@
 """One step of an orbit by half a forcing period: sizes, slopes and stability against the exact orbit."""
 
+import dataclasses
+import functools
+import inspect
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import tpd
+from tests.reference import Coarser
 from tpd.compiled import orbits
 from tpd.compiled.rows import row_of
 from tpd.design.orbits import SMOOTHED
@@ -25,12 +30,21 @@ SCENES = np.array(
 )
 ONE = jnp.ones(len(FACTORS))
 MODEL = Smoothed(rtol=1e-9)
-HALVES = {model: jax.jit(half_period(model)) for model in (MODEL, Smoothed())}
+
+
+@functools.cache
+def programs(model):
+    """Half a period of a model, and what remains of a disturbance, each compiled once for all widths."""
+    settings = {field.name: getattr(model, field.name) for field in dataclasses.fields(model)}
+    return tuple(
+        jax.jit(lambda times, inputs, of=of: inspect.unwrap(of)(Coarser(**settings, times=times))(inputs))
+        for of in (half_period, remaining)
+    )
 
 
 def stepped(p, design, turn, model=MODEL):
     """One step of an orbit."""
-    half = jax.tree.map(lambda x: np.asarray(x)[None], HALVES[model]((p, design, ONE, turn)))
+    half = jax.tree.map(lambda x: np.asarray(x)[None], programs(model)[0](1.0, (p, design, ONE, turn)))
     return jax.tree.map(lambda x: x[0], newton(np.asarray(turn)[None], half))
 
 
@@ -102,7 +116,7 @@ def test_a_guess_far_from_an_orbit_is_not_accepted_as_solved():
 def test_an_unsolvable_orbit_does_not_affect_other_orbits():
     p, design = parameters(SCENES[2])
     turn = turn_of(p, design)
-    half = jax.tree.map(lambda x: np.stack([x] * 3), HALVES[MODEL]((p, design, ONE, turn)))
+    half = jax.tree.map(lambda x: np.stack([x] * 3), programs(MODEL)[0](1.0, (p, design, ONE, turn)))
     half.end[1, 1:] = -np.eye(8, 4)
     half.end[2, 5, 0] = np.nan
     step = newton(np.stack([turn] * 3), half)
@@ -110,16 +124,16 @@ def test_an_unsolvable_orbit_does_not_affect_other_orbits():
     np.testing.assert_array_equal(step.slope[0], stepped(p, design, turn).slope)
 
 
-def left(p, design, model):
-    """What remains of a disturbance of the smoothed orbit, with its derivatives."""
+def left(p, design, model, times=1.0):
+    """What remains of a disturbance of an orbit of wider layers, with its derivatives."""
     turn = turn_of(p, design)
-    half, rest = (jax.jit(of(model)) for of in (half_period, remaining))
+    half, rest = programs(model)
     for _ in range(3):
-        at = jax.tree.map(lambda x: np.asarray(x)[None], half((p, design, ONE, turn)))
+        at = jax.tree.map(lambda x: np.asarray(x)[None], half(times, (p, design, ONE, turn)))
         step = newton(np.asarray(turn)[None], at)
         turn = jnp.asarray(step.turn[0])
     assert step.residual[0] < 1e-6
-    return rest((p, design, ONE, turn, jnp.asarray(step.slope[0])))
+    return rest(times, (p, design, ONE, turn, jnp.asarray(step.slope[0])))
 
 
 def exact_left(p, design):
@@ -147,7 +161,7 @@ def test_the_factor_of_settling_has_the_derivatives_of_the_exact_orbit(scene):
 def test_the_smoothed_factor_tends_to_the_exact_one_to_first_order_in_the_width(scene):
     p, design = parameters(scene)
     value, slope = exact_left(p, design)
-    found = [left(p, design, Smoothed(rtol=1e-9, sharpness=width)) for width in (1e-2, 5e-3, 2.5e-3)]
+    found = [left(p, design, MODEL, width / MODEL.sharpness) for width in (1e-2, 5e-3, 2.5e-3)]
     errors = np.array([[abs(x.value - value), np.max(np.abs(x.slope - slope))] for x in found])
     # The solver adds an error of 1e-4 to the derivatives at the smallest width.
     np.testing.assert_allclose(np.log(errors[0] / errors[-1]) / np.log(4.0), 1.0, atol=0.35)

@@ -1,7 +1,5 @@
 """The smoothed model against the exact one: how near, how it gets nearer, and what it does not see."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,11 +21,12 @@ from tests.reference import (
     named,
     parameters,
     smoothed,
+    solver,
 )
-from tpd import Nonlinear, Parameters, Smoothed, Terms, simulate, status_name, steady_state
+from tpd import Nonlinear, Parameters, Piecewise, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.models.smoothed import rocking_scale
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import as_arrays, uniform_inertia_ratio
+from tpd.scene.parameters import uniform_inertia_ratio
 from tpd.scene.status import SETTLED, names_of
 from tpd.theory.equations import smoothed_rates
 
@@ -61,13 +60,31 @@ WIDE, NARROW = 5.0, 0.5
 """Widths over the default's: `sharpness` of 1e-2 and 1e-3."""
 
 
-def test_the_smoothed_gradient_equals_finite_differences():
+parametric, nonlinear = (solver(Smoothed(terms=t)) for t in (Terms.parametric, Terms.nonlinear))
+
+
+@pytest.mark.parametrize(
+    ("solve", "x", "places"),
+    [
+        (smoothed, STRUCK[1], (1, 5, E)),
+        (smoothed, (0.2, 0.05, 0.6, 0.1, 0.0, 0.3, 3.0, 0.9, 1.3), (8,)),
+        (parametric, (0.2, 0.05, 0.6, 0.1, 0.05, 0.3, 3.0, 0.9, 1.3), (8,)),
+        (nonlinear, (0.2, 0.05, 0.6, 0.1, 0.05, 0.3, 3.0, 1.0, 1.3), (8,)),
+    ],
+)
+def test_the_smoothed_gradient_equals_finite_differences(solve, x, places):
     # Started from the settled state, so that a far step cannot end on another orbit. Steps of 1 % are far
     # above the integration tolerance (1e-12), and the extrapolation is of sixth order.
-    x, answer = STRUCK[1], smoothed(STRUCK[1])
-    for i in (1, 5, E):
-        expected = differences(lambda x: smoothed(x, answer.steady.state).amplitude, x, i)
-        assert answer.slopes[0, i] == pytest.approx(expected, rel=1e-5), NAMES[i]
+    answer = solve(x)
+
+    def sizes(x):
+        steady = solve(x, answer.steady.state).steady
+        return np.array([steady.amplitude, steady.swing, *steady.state])
+
+    for i in places:
+        expected = differences(sizes, x, i)
+        np.testing.assert_allclose(answer.slopes[:, i], expected, rtol=1e-5, atol=1e-5, err_msg=NAMES[i])
+        assert answer.slopes[0, i] == pytest.approx(expected[0], rel=1e-5)
 
 
 def off(found, expected):
@@ -123,10 +140,9 @@ def test_smoothing_widths_scale_with_the_expected_orbit():
 
 def test_the_smoothed_parametric_orbit_agrees_with_the_event_loop():
     x = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
-    p = as_arrays(Parameters(**dict(zip(NAMES, x, strict=False)), e=None))
-    s = jax.jit(lambda p: steady_state(p, model=Smoothed(terms=Terms.parametric)))(p)
-    assert status_name(s.status) == "rocking"
     e = float(housner(x[0], uniform_inertia_ratio(x[0]), x[1]))
+    *_, status, _, s = parametric((*x, e))
+    assert status == "rocking"
     loop, y = EventDriven((*x, e), parametric=True), np.asarray(s.state)
     for _ in range(12):
         (amplitude, _), y = loop.period(y)
@@ -139,25 +155,17 @@ def test_the_smoothed_parametric_orbit_agrees_with_the_event_loop():
 
 
 def test_the_smoothed_nonlinear_orbit_agrees_with_unsmoothed_friction():
-    model = Smoothed(terms=Terms.nonlinear)
-
-    @jax.jit
-    @partial(jax.value_and_grad, has_aux=True)
-    def solve(x):
-        steady = steady_state(parameters(x), model=model)
-        return steady.amplitude, steady
-
     def known(x):
         return float(steady_state(parameters(x), model=Nonlinear()).amplitude)
 
     for x in (WITH[3].x, WRONG_BASIN[:7]):
-        (amplitude, steady), slopes = solve(np.array(x))
-        assert status_name(steady.status) == "rocking"
-        assert float(amplitude) == pytest.approx(known(x), rel=1e-4)
+        amplitude, _, status, slopes, steady = nonlinear(x)
+        assert status == "rocking"
+        assert amplitude == pytest.approx(known(x), rel=1e-4)
         # The model compares itself with the nonlinear motion.
-        assert float(steady.estimate) == pytest.approx(abs(float(amplitude) / known(x) - 1.0), abs=5e-6)
+        assert float(steady.estimate) == pytest.approx(abs(amplitude / known(x) - 1.0), abs=5e-6)
         for i in (1, 2, 4) if x == WITH[3].x else ():
-            assert float(slopes[i]) == pytest.approx(differences(known, x, i, share=0.02), rel=5e-3, abs=1e-4)
+            assert slopes[0, i] == pytest.approx(differences(known, x, i, share=0.02), rel=5e-3, abs=1e-4)
 
 
 def test_a_late_period_equals_the_first_one():
@@ -239,13 +247,18 @@ def test_impacts_that_cannot_be_smoothed_are_rejected(call, terms, e, message):
         call(parameters((*WITH[0].x, e)), model=Smoothed(terms=terms))
 
 
+@pytest.mark.parametrize("model", [Piecewise, Smoothed])
+def test_a_model_follows_at_least_one_period(model):
+    with pytest.raises(ValueError, match="`max_periods` must be a whole number, 1 or more, but is 0"):
+        model(max_periods=0)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"sharpness": 0.0}, "`sharpness` must be between 1e-06 and 1, but is 0"),
         ({"sharpness": 2.0}, "`sharpness` must be between 1e-06 and 1, but is 2"),
         ({"rtol": -1e-6}, "`rtol` must be positive and finite, but is -1e-06"),
-        ({"max_periods": 0}, "`max_periods` must be a whole number, 1 or more, but is 0"),
     ],
 )
 def test_settings_out_of_range_are_rejected(options, message):

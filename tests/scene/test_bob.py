@@ -46,7 +46,7 @@ def test_the_reach_of_a_bob_is_its_largest_offset_up_to_an_angle(bob, length):
         across, along = points[:, 0], length - points[:, 1]
         far = across[:, None] * np.cos(angles) + along[:, None] * np.sin(angles)
         assert bob.reach(MASS, length, most) == pytest.approx(far.max(), rel=1e-5)
-    slopes = jax.jacfwd(lambda x: bob.reach(*x))(np.array([MASS, length, 0.6]))
+    slopes = jax.jit(jax.jacfwd(lambda x: bob.reach(*x)))(np.array([MASS, length, 0.6]))
     for axis, slope in enumerate(slopes):
         x = np.array([MASS, length, 0.6]) * (1.0 + 1e-6 * np.array([[1.0], [-1.0]]) * np.eye(3)[axis])
         difference = np.subtract(*bob.reach(*x.T)) / np.subtract(*x[:, axis])
@@ -97,7 +97,7 @@ def test_bobs_of_arrays_equal_single_bobs_and_have_correct_derivatives(bob):
     g, mass, length = 9.81, np.array([[0.5], [50.0], [571.0]]), np.array([0.05, 0.3, 0.5212, 2.0, 12.0])
     body, at = bob.built(mass, length, g)
     pairs = [np.broadcast_to(x, body.shape).ravel() for x in (mass, length)]
-    by = jax.vmap(jax.jacfwd(lambda m, x: jnp.stack(bob.built(m, x, g)), (0, 1)))(*pairs)
+    by = jax.jit(jax.vmap(jax.jacfwd(lambda m, x: jnp.stack(bob.built(m, x, g)), (0, 1))))(*pairs)
     slopes = np.reshape(by, (2, *body.shape, 2)).transpose(3, 0, 1, 2)
     single = np.array([[bob.built(float(m), float(x), g) for x in length] for m in mass[:, 0]])
     np.testing.assert_allclose(np.stack([body, at], axis=-1), single, rtol=1e-14)
