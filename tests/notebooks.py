@@ -1,7 +1,7 @@
 """Runs every cell of every notebook in one process, at small sizes.
 
 .venv/bin/python -m tests.notebooks          # all
-.venv/bin/python -m tests.notebooks 05 13    # these
+.venv/bin/python -m tests.notebooks 06 13    # these
 
 `make_small` is the switch: searches and records become few where notebooks call them. A notebook with
 claims or loops of its own that need full size has `FULL = True` in its first cell, which is False here.
