@@ -43,10 +43,6 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PROMISED_SHARE = 0.3
-"""Share of the required benefit that the trend must predict for a further design, else the validation
-ends."""
-
 
 @checks.keywords
 def optimise(
@@ -176,9 +172,6 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         validated.append(result)
         status = result.status
         if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
-            break
-        # Stop when even the trend of the best remaining design promises too little.
-        if not refinement.promises(1.0 - _PROMISED_SHARE * problem.requirements.at_least):
             break
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
