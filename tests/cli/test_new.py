@@ -15,7 +15,7 @@ from tpd.report import words
 
 EACH = pytest.mark.parametrize("kind", TEMPLATES)
 PULSE, RECORD_KEYS = (
-    ("pulse", "pulse_frequency", "pga"),
+    ("pulse", "pulse_frequency", "pga", "pulse_band"),
     ("records", "scales", "intensity", "validation_share"),
 )
 
@@ -61,7 +61,8 @@ def test_a_template_accepts_a_pulse_or_records_with_a_hazard_instead_of_the_harm
         chosen = "\n".join(line[2:] for line in optional if line.split()[1] in keys)
         job = jobs.job_of(tomllib.loads(text.replace(motion, f"[excitation]\n{chosen}\n")))
         assert job.kind == ("pulse" if keys is PULSE else "records")
-        assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
+        assert len(job.conditions) == len(job.conditions.motions) * len(job.conditions.scales)
+        assert len(job.conditions.motions) == (5 if keys is PULSE else len(job.motions))
         assert job.hazard is None
     # A hazard belongs to records.
     lines = [line[2:] for line in hazard.splitlines() if re.match(r"# (\w+ = |\[hazard)", line)]

@@ -41,8 +41,8 @@ search={optimiser='adam', objective='steady tilt'}; conditions.band=[2, 3]
 --optimiser adam --objective 'steady tilt' --band 2 3
 search={optimiser='adam', steps=4}
 --optimiser adam --steps 4
-excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
---pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
+excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5, pulse_band=[0.2, 0]}
+--pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5 --pulse-band 0.2 0
 excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
 excitation={records=['a.txt', 'b.txt'], scales=[1], baseline='mean'}
@@ -57,8 +57,8 @@ conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; search.risk='cvar'
 --band 2.3 2.7 --amplitudes 0.8 1 1.2 --risk cvar
 scatter={friction=0.2, length=0.02}
 --scatter friction=0.2 length=0.02
-excitation={pulse='ricker', pulse_frequency=1, pga=0.4}; search.designs=8
---pulse ricker --pulse-frequency 1 --pga 0.4 --designs 8
+excitation={pulse='ricker', pulse_frequency=1, pga=0.4}; search={designs=8, method='rule'}
+--pulse ricker --pulse-frequency 1 --pga 0.4 --designs 8 --method rule
 starts.kind='rest'; conditions.band=[2, 3]
 --from-rest --band 2 3
 """
@@ -107,7 +107,7 @@ def test_options_override_the_losses_of_a_file(tmp_path, content, options, expec
 
 def test_the_table_of_this_module_contains_every_option():
     groups = [x for x in vars(grammar).values() if isinstance(x, tuple) and isinstance(x[0], Option)]
-    assert len(groups) == 9
+    assert len(groups) == 10
     flags = {option.flag for group in groups for option in group if not option.one}
     flags |= {
         key["option"].split()[0] for table in keys().values() for key in table.values() if "option" in key

@@ -83,17 +83,6 @@ def test_the_next_design_is_not_near_a_rejected_design(count, validated, status)
     assert (found.pendulum is None, found.equivalent is None) == (status == "not_recommended",) * 2
 
 
-def test_no_design_below_the_required_benefit_is_validated_after_a_rejection():
-    """The trend must promise 30 % of the required benefit, which is one tenth here."""
-
-    class Little(Harmful):
-        def tilt(self, design):
-            return 0.59 + 0.01 * super().tilt(design)
-
-    found = solve_problem(Little(**harmful(9).inputs))
-    assert (found.status, len(found.validated)) == (DesignStatus.not_recommended, 1)
-
-
 def test_no_design_is_evaluated_if_the_block_rests():
     problem = NoisyProblem.of(calm=True)
     found = solve_problem(problem)

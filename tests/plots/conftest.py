@@ -22,7 +22,7 @@ def band():
 
 @pytest.fixture(scope="session")
 def under_pulses():
-    """A design for pulses, half of which are held out."""
+    """A design for pulses, with cross-fitting."""
     sizes = zip(np.linspace(4.0, 7.0, 8), np.linspace(1.0, 2.5, 8), strict=True)
     pulses = [tpd.Pulse(kind="one-sine", acceleration=a, frequency=f) for a, f in sizes]
     conditions = tpd.Conditions.records(pulses, [1.5, 2.5])

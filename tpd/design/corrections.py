@@ -225,10 +225,6 @@ class Corrections:
         good[0] = True
         return np.stack([x[good].min(axis=0), x[good].max(axis=0)])
 
-    def promises(self, share: float) -> bool:
-        """Return whether another design can be expected to have enough benefit: yes if there is one."""
-        return True
-
     def trials(self) -> Trials:
         """Return all designs with runs as a table: those that keep the limits first, the last one of them
         before the others."""

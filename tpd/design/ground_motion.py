@@ -270,7 +270,7 @@ class GroundMotionProblem(Problem):
 
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""
-        motions = [m for g in self.groups for m in g.motions]
+        motions: list[Any] = [m for g in self.groups for m in g.motions]
         if not all(isinstance(m, Pulse) for m in motions) or len(motions) == 1:
             return ""
         if not runs.is_overturned.any():

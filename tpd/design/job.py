@@ -376,12 +376,14 @@ class Job(ABC):
         called = {name: f"`excitation.{name}` (--{name})" for name in READING}
         with argument_names(called | {"events": "`records.events` (--event)"}):
             try:
-                motions, notes = read_motions(names, events=self.full["records"]["events"], **self.reading)
+                read: tuple[Any, Any] = read_motions(
+                    names, events=self.full["records"]["events"], **self.reading
+                )
             except UnreadableRecord as error:
                 flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
                 more = "; try these options: " + " ".join(flags) if error.options else ""
                 raise ValueError("\n".join([error.args[0] + more, *error.preview])) from None
-        site = self.full["site"]
+        (motions, notes), site = read, self.full["site"]
         if (period := site["building_period"]) is not None:
             with naming("site", period="building_period", damping="building_damping"):
                 motions = [m.on_building(period, site["building_damping"]) for m in motions]
@@ -607,7 +609,8 @@ class PulseJob(RecordsJob):
     @property
     def in_words(self) -> str:
         """See `Job.in_words`."""
-        periods = sorted(1.0 / float(m.frequency) for m in self.conditions.motions)
+        pulses: tuple[Any, ...] = self.conditions.motions
+        periods = sorted(1.0 / float(m.frequency) for m in pulses)
         if len(periods) == 1:
             return super().in_words
         ends = f"{periods[0]:.3g} to {periods[-1]:.3g} s"
@@ -622,7 +625,8 @@ class PulseJob(RecordsJob):
             period, size = (
                 1.0 + w * np.linspace(-1.0, 1.0, n if w else 1) for w, n in zip(widths, (5, 3), strict=True)
             )
-            pulses = [replace(self.motions[0], frequency=self.motions[0].frequency / x) for x in period]
+            pulse = self.motions[0]
+            pulses = [replace(pulse, frequency=pulse.frequency / x) for x in period]
             scales = np.unique(np.outer(keys["scales"], size))
             return Conditions.records(pulses, scales, intensity=self.intensity, hazard=self.hazard)
 

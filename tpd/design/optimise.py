@@ -40,10 +40,6 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PROMISED_SHARE = 0.3
-"""Share of the required benefit that the trend must predict for a further design, else the validation
-ends."""
-
 
 @checks.keywords
 def optimise(
@@ -174,9 +170,6 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         status = result.status
         if not result.reasons or not {reason.kind for reason in result.reasons} <= problem.retries:
             break
-        # Stop when even the trend of the best remaining design promises too little.
-        if not refinement.promises(1.0 - _PROMISED_SHARE * problem.requirements.at_least):
-            break
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
     if rule is not None:
@@ -195,14 +188,21 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     )
 
 
+_FEWEST = {"designs": 4, "steps": 0}
+"""Smallest numbers of trials of a search of cross-fitting."""
+
+
 def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
     """Return the best design of the search for each group of earthquakes, without the group; None without
     cross-fitting.
 
+    The searches have half of the trials. Their designs can only be worse for it, and the verdict is cautious.
     If no design keeps the limits, it is the first guess, and without one the smallest design of the space.
     """
     designs = []
-    for other, _ in problem.crossed:
+    for whole, _ in problem.crossed:
+        half = {name: max(least, getattr(whole.method, name) // 2) for name, least in _FEWEST.items()}
+        other = replace(whole, method=replace(whole.method, **half))
         guess = first_guess(other)
         best = other.improver(guess, progress).best([])
         designs.append(best if best is not None else other.space.ends[0] if guess is None else guess)

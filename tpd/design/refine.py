@@ -307,15 +307,6 @@ class Refinement:
             if x > 0.0:
                 self.allowance[name] = self.allowance.get(name, 0.0) + x
 
-    def promises(self, share: float) -> bool:
-        """Return whether the trend of a trial that keeps the limits is at most a share of the merit without a
-        pendulum, as far as the trend is known."""
-        if self.merit is None:
-            return True
-        trials = self.trials()
-        best = trials.designs[trials.feasible][:1]
-        return bool(np.any(self.merit.at(self.at(best))[0] <= share * self.merit_of(self.without)))
-
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
         """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the
         accuracy of the trials.

@@ -234,10 +234,10 @@ class _Records(msgspec.Struct):
 
 
 class _Site(msgspec.Struct):
-    building_period: Annotated[float | None, Key("S", _RECORDS)] = None
+    building_period: Annotated[float | None, Key(kinds=_RECORDS)] = None
     """Natural period of a building on whose roof the block stands, s. The records pass an oscillator with
     this period. Levels and hazard are those of the ground."""
-    building_damping: Annotated[float, Key("X", _RECORDS, need=_BUILDING)] = 0.05
+    building_damping: Annotated[float, Key(kinds=_RECORDS, need=_BUILDING)] = 0.05
     """Damping ratio of this building."""
 
 

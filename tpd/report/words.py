@@ -93,7 +93,7 @@ def rule_and_search(design: Design) -> Iterator[tuple[str, str]]:
         if of.crossed is not None:
             masses = [float(design.problem.pendulum(x).mass) for x in of.crossed]
             ends = " to ".join(dict.fromkeys(number(x, 3) for x in (min(masses), max(masses))))
-            text += f"; found without each group of earthquakes: {ends} kg"
+            text += f"; without each group of earthquakes: {ends} kg"
         yield name, text
 
 
