@@ -41,8 +41,8 @@ search={optimiser='adam', objective='steady tilt'}; conditions.band=[2, 3]
 --optimiser adam --objective 'steady tilt' --band 2 3
 search={optimiser='adam', steps=4}
 --optimiser adam --steps 4
-excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5, pulse_band=[0.2, 0]}
---pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5 --pulse-band 0.2 0
+excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, phase=0.5, pulse_band=[0.2, 0]}
+--pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --phase 0.5 --pulse-band 0.2 0
 excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
 excitation={records=['a.txt', 'b.txt'], scales=[1], baseline='mean'}

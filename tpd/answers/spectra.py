@@ -128,7 +128,7 @@ def overturning_spectrum(
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
     cases = cases_of(pendulum)
-    options = {"progress": progress}
+    options: dict[str, Any] = {"progress": progress}
     runs = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **options)
     # The number of impacts distinguishes the modes of overturning.
     outcomes = np.where(runs.is_overturned, OVERTURNS + runs.impacts, np.where(runs.is_lifted, ROCKS, STANDS))
