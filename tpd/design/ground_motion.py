@@ -44,7 +44,7 @@ from tpd.theory.relative_length import relative_length
 
 LEVELS = 16
 """Number of validation runs of each motion, at levels between the smallest and the largest stated one. With
-four levels the standard deviation of the reduction is half as large again (`tests.benchmarks.power`)."""
+four levels the standard deviation of the reduction is half as large again."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
 _TRIAL_RUNS, _MORE_RUNS, _PULSES = 192, 384, 2
