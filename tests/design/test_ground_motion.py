@@ -60,8 +60,7 @@ def test_an_earthquake_has_one_number_in_all_groups():
         (RECORDS, 0.0, "tuned_only"),
         (RECORDS[:10], None, "recommended"),
         (RECORDS[:8], None, "too_few"),
-        # A single earthquake cannot be divided.
-        (RECORDS[:2], None, "tuned_only"),
+        (RECORDS[:2], None, "too_few"),
         (RECORDS[:10], {"a": RECORDS[:18]}, "too_few"),
     ],
 )

@@ -44,7 +44,7 @@ from tpd.theory.relative_length import relative_length
 
 LEVELS = 16
 """Number of validation runs of each motion, at levels between the smallest and the largest stated one. With
-four levels the standard deviation of the reduction is half as large again (`tests.benchmarks.power`)."""
+four levels the standard deviation of the reduction is half as large again."""
 _UNIT = Pulse.one_sine(acceleration=1.0, frequency=1.0)
 """Motion with a peak of 1 m/s^2."""
 _TRIAL_RUNS, _MORE_RUNS, _PULSES = 192, 384, 2
@@ -145,8 +145,7 @@ class GroundMotionProblem(Problem):
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
         checked = GroundMotionProblem.checked(scene, space=space, **inputs)
         check_ground_limits(checked["limits"])
-        share, least = checked.pop("validation_share"), checked["method"].groups
-        groups = grouped(conditions.motions, share, checked["seed"], least)
+        groups = grouped(conditions.motions, checked.pop("validation_share"), checked["seed"])
         inside = _with_motions(conditions, groups[0].motions)
         # Reject settings without effect, because a user would rely on them.
         for name, usual in vars(GroundMotionProblem.defaults["ensemble"]).items():
@@ -192,9 +191,9 @@ class GroundMotionProblem(Problem):
     @property
     def crossed(self) -> tuple[tuple[GroundMotionProblem, np.ndarray], ...]:  # type: ignore[override]
         """For each group of earthquakes the problem whose search does not use it, and whether each validation
-        run belongs to the group; empty without cross-fitting."""
+        run belongs to the group; empty without cross-fitting, or with fewer earthquakes than groups."""
         first = self.groups[0]
-        if first.role is not Role.both:
+        if first.role is not Role.both or len(np.unique(first.events)) < self.method.groups:
             return ()
         # The numbers of earthquakes follow from their accelerations, in an order of chance.
         events, out = np.unique(first.events, return_inverse=True)[1] % self.method.groups, []
@@ -526,7 +525,6 @@ def grouped(
     motions: Sequence[GroundMotion],
     validation_share: float | Mapping[str, Sequence[GroundMotion]] | None,
     seed: int,
-    least: int = 2,
 ) -> tuple[Group, ...]:
     """Return the group that the search uses, followed by the groups for the validation.
 
@@ -536,10 +534,8 @@ def grouped(
         motions: motions of the conditions.
         validation_share: share of the motions that is kept for the validation, by a seeded choice of whole
             earthquakes; or groups of other motions by name. A motion of an earthquake that the search uses is
-            left out of these groups. None stands for cross-fitting, and with too few earthquakes for a share
-            of 0.
+            left out of these groups. None stands for cross-fitting.
         seed: seed of the choice.
-        least: smallest number of earthquakes for cross-fitting.
 
     Raises:
         ValueError: the share is outside 0 to 0.9, a group has no motions, or no motion remains for the
@@ -548,9 +544,9 @@ def grouped(
     if isinstance(validation_share, Mapping):
         return _others(motions, validation_share)
     numbers = earthquakes_of(motions)
-    if validation_share is None and len(np.unique(numbers)) >= least:
+    if validation_share is None:
         return (Group(_name(Role.both, motions), Role.both, tuple(motions), numbers),)
-    share = checks.within("validation_share", validation_share or 0.0, 0.0, 0.9)
+    share = checks.within("validation_share", validation_share, 0.0, 0.9)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(numbers))
     # Move whole earthquakes to the validation, one after the other, until the share is reached. At least one
     # of several earthquakes remains for the search.

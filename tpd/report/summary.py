@@ -233,7 +233,8 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
     """Yield the lines of a table of several levels of ground motions: the shares of the counted runs that
     overturn with and without the pendulum."""
     counted = True if runs.counted is None else runs.counted
-    levels = problem.levels.items()
+    # Pulses have few runs at each level.
+    levels = () if problem.first_overturning(runs.without_pendulum) else problem.levels.items()
     if levels:
         count = int(np.sum(next(iter(levels))[1] & counted))
         yield f"{problem.measure_in_words}: share of {count} runs that overturn with (without) the pendulum"
