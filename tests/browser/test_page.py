@@ -318,7 +318,7 @@ def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_pat
     assert "Limits exceeded: " in status(window)
     type_in(window, "scale", "0.2")
     assert row(window, "largest-without")[0].startswith("0 ")
-    assert "cosine, condition 1 of 1, peak 0.6 m/s²" in window.run("document.body.textContent")
+    assert "cosine, condition 1 of 15, peak 0.6 m/s²" in window.run("document.body.textContent")
 
 
 def test_the_status_line_begins_with_the_outcome_of_a_block_that_overturns(window, tmp_path):

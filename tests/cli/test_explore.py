@@ -20,7 +20,7 @@ def report(tmp_path):
     """A directory with the files of a report that count here."""
     folder = tmp_path / "tower"
     made.stored(folder)
-    summary = Summary(note("RECOMMENDED"), (), (), None)
+    summary = Summary(note("RECOMMENDED"), (), None, ())
     (folder / "report.html").write_text("<h1>A tower</h1>")
     (folder / "report.json").write_text(files.data(Report("A tower", summary, (), ())))
     return folder

@@ -23,8 +23,10 @@ space.hinge_height=0.3
 --hinge-height 0.3
 block={width=1, height=5, mass=9e3, radius_of_gyration=2}; excitation={amplitude=1, frequency=0.3}
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 2 --amplitude 1 --frequency 0.3
-block={width=1,height=5,mass=9e3,centroid_height=2.5}; frame={width=1,height=6}; excitation={kind='harmonic'}
---frame-width 0.2 --frame-height 0.5
+block={width=2,height=9,mass=4e4,centroid_height=4,radius_of_gyration=3}; excitation={amplitude=1,frequency=0.3}
+--width 2 --height 9 --mass 4e4 --centroid-height 4 --radius-of-gyration 3 --amplitude 1 --frequency 0.3
+block={width=2, height=9, mass=4e4}; frame={width=1, height=11}; excitation={amplitude=1, frequency=0.3}
+--width 2 --height 9 --mass 4e4 --frame-width 1 --frame-height 11 --amplitude 1 --frequency 0.3
 block={base_friction=0.6, effective_width=0.9}
 --base-friction 0.6 --effective-width 0.9
 limits={stroke=0.4, clearance=false}
@@ -41,8 +43,10 @@ search={optimiser='adam', objective='steady tilt'}; conditions.band=[2, 3]
 --optimiser adam --objective 'steady tilt' --band 2 3
 search={optimiser='adam', steps=4}
 --optimiser adam --steps 4
-excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, phase=0.5, pulse_band=[0.2, 0]}
---pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --phase 0.5 --pulse-band 0.2 0
+excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
+--pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
+excitation={pulse='ricker', pulse_frequency=1, pga=0.4, pulse_band=[0.2, 0]}
+--pulse ricker --pulse-frequency 1 --pga 0.4 --pulse-band 0.2 0
 excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
 excitation={records=['a.txt', 'b.txt'], scales=[1], baseline='mean'}

@@ -175,7 +175,7 @@ def test_an_argument_that_is_no_design_job_or_scene_is_rejected(bad):
 
 def test_stored_runs_under_records_are_the_counted_runs():
     design = designs.ground_design()
-    (runs,) = content(design)["runs"]
+    *_, runs = content(design)["runs"]
     pairs = design.validated[-1].runs
     counted = pairs.counted & pairs.is_answered
     (overturned, mean, _) = runs["rows"]

@@ -33,7 +33,7 @@ def test_the_terminal_shows_at_most_25_lines_and_only_whole_rows(kind):
     cut = flat("\n".join(said)).split(" (more in the report) ")
     assert all(part in whole for part in cut)
     assert len(cut) == 1 or re.match(
-        r"(Compare first|Build|reason|rod|hinge|limits|depends on|part fails|not simulated) ",
+        r"(Compare first|rule|Build|reason|rod|hinge|limits|depends on|part fails|not simulated) ",
         whole[len(cut[0]) + 1 :],
     )
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))

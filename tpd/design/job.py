@@ -622,12 +622,14 @@ class PulseJob(RecordsJob):
         keys = self.full["excitation"]
         with naming("excitation", period="pulse_band", acceleration="pulse_band"):
             widths = [checks.within("pulse_band", x, 0.0, 0.5) for x in keys["pulse_band"]]
+            # The pulse as stated comes first, as a scene is the first of the conditions.
             period, size = (
-                1.0 + w * np.linspace(-1.0, 1.0, n if w else 1) for w, n in zip(widths, (5, 3), strict=True)
+                1.0 + w * np.array(steps if w else (0.0,))
+                for w, steps in zip(widths, ((0.0, -1.0, -0.5, 0.5, 1.0), (0.0, -1.0, 1.0)), strict=True)
             )
             pulse = self.motions[0]
             pulses = [replace(pulse, frequency=pulse.frequency / x) for x in period]
-            scales = np.unique(np.outer(keys["scales"], size))
+            scales = list(dict.fromkeys(np.outer(size, keys["scales"]).ravel()))
             return Conditions.records(pulses, scales, intensity=self.intensity, hazard=self.hazard)
 
 

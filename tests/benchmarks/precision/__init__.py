@@ -126,7 +126,7 @@ def pictures(rows: list[Row]) -> dict[str, Any]:
     """Draw time against error for values, gradients and ensembles: our methods black, the others grey."""
     from tpd.plots.style import new_axes
 
-    axes = new_axes(1, (12.0, 5.6), columns=3)[0]
+    axes = new_axes(1, (12.0, 5.6), columns=3)
     looks, theirs, dashes = cycle("osD^vPX"), cycle("x+1234"), cycle(("-", "--", ":", "-."))
     handles: dict[str, Any] = {}
     for ax, (kind, what) in zip(axes, PANELS.items(), strict=True):
