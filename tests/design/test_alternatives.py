@@ -36,7 +36,7 @@ def test_tie_width_and_isolation_satisfy_moment_equilibrium(share):
 def test_a_base_that_is_too_wide_or_too_rough_is_not_an_alternative(friction, width, is_offered):
     said = str(Alternatives(1e3, width, friction, 1.0, np.array([2.0]), 0.0, 1.0, "as stated"))
     assert ("a base at least" in said) is is_offered
-    assert said.endswith("; no wider base prevents uplift") is not is_offered
+    assert said.endswith("; no base of up to twice the width prevents uplift") is not is_offered
 
 
 def test_the_sentence_on_alternatives_has_sizes_rounded_up_to_two_digits():

@@ -54,9 +54,14 @@ class Alternatives(NamedTuple):
     @property
     def brief(self) -> str:
         """Clause with tie and base."""
-        base = "" if self.friction > 1.0 else f", or a base of {_at_least(self.width)} m,"
-        at = f"at {_at_least(self.friction)} g (static)"
+        base = f", or a base of {_at_least(self.width)} m," if self._has_base else ""
+        at = f"at {_at_least(self.friction)} g (static, {self.level})"
         return f"a tie at the top for {self._force}{base} prevents uplift {at}"
+
+    @property
+    def _has_base(self) -> bool:
+        """Whether a wider base is practicable: it does not slide, and is at most twice as wide."""
+        return self.friction <= 1.0 and self.width <= _MOST_WIDTH * self.present
 
     @property
     def _force(self) -> str:
@@ -77,8 +82,10 @@ class Alternatives(NamedTuple):
                 f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
             )
         tie = f"at {_at_least(self.friction)} g ({self.level}): a tie at the top for at least {self._force}"
-        if self.friction > 1.0 or self.width > _MOST_WIDTH * self.present:
-            return f"{tie}, or {isolation} (static estimates); no wider base prevents uplift"
+        if not self._has_base:
+            return (
+                f"{tie}, or {isolation} (static estimates); no base of up to twice the width prevents uplift"
+            )
         width = f"a base at least {_at_least(self.width)} m wide {friction}"
         return f"{tie}, {width}, or {isolation} (static estimates)"
 

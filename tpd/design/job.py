@@ -128,13 +128,17 @@ class Job(ABC):
         """Block of the job. The block of the paper also has the losses and the cavity that it has in
         Python."""
         values = {name: x for name, x in self.full["block"].items() if x is not None}
+        wide = self.full["frame"]["width"]
         # The default block is that of the paper. A user's own block has the defaults of `Block`.
         if all(values[x] == getattr(PAPER.block, x) for x in required_keys("block")):
-            values = vars(PAPER.block) | values
+            # The bob swings in the cavity of the paper's block, unless there is a frame.
+            values = vars(PAPER.block) | ({} if wide is None else {"cavity_width": None}) | values
         with naming("block"):
             block = Block(**values)
-        if (wide := self.full["frame"]["width"]) is not None:
-            with naming("frame", frame_width="frame.width", hinge_height="height"):
+        if wide is not None:
+            with naming(
+                "frame", cavity_width="block.cavity_width", frame_width="frame.width", hinge_height="height"
+            ):
                 block = replace(block, frame_width=wide)
                 block.check_hinge(self.full["frame"]["height"])
         # Some authors state the ratio of the energies, which is e^2.
@@ -682,6 +686,11 @@ def merge_tables(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tabl
         replaced = {pair[1 - i] for pair in TWINS.items() for i in (0, 1) if pair[i] in values}
         others = {k: x for k, x in out.get(table, {}).items() if table != "space" or k not in replaced}
         out[table] = others | dict(values)
+    # The bob swings in a cavity or in a frame: an option for one of them replaces the other in the file.
+    if "frame" in over and "cavity_width" not in over.get("block", {}):
+        out.get("block", {}).pop("cavity_width", None)
+    elif "cavity_width" in over.get("block", {}) and "frame" not in over:
+        out.pop("frame", None)
     if "seed" in over.get("search", {}):
         # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)

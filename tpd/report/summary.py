@@ -168,7 +168,7 @@ def rows_of(design: Design, details: Details) -> Iterator[Row]:
         yield from (("rate", text) for text in design.problem.yearly(design.runs.annual_rates))
         yield from (("level", text) for text in at_levels(design.problem, design.runs))
     yield from (("reason", text) for text in design.status.other(design.refusals))
-    yield "measures without a pendulum", str(alternatives(design.problem))
+    yield "no pendulum", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design)
     # A base that slides is one of the dangers, which come first.

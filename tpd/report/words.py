@@ -107,7 +107,11 @@ def wider(worth: EquivalentWidening) -> str:
     """
     # Beyond the widest base that was followed, and below one per cent, there is no number.
     size, low, high = (
-        f"more than {per_cent(worth.most)}" if math.isinf(x) else per_cent(x) if x >= 0.005 else "less than 1"
+        f"more than {per_cent(worth.most)}"
+        if x >= worth.most
+        else per_cent(x)
+        if x >= 0.005
+        else "less than 1"
         for x in (worth.widening, worth.low, worth.high)
     )
     around = "" if low == high else f" (95 % interval {low} to {high} %)"

@@ -142,9 +142,9 @@ class Block:
             # With the whole width rho of a uniform rectangle follows nu, see `dimensionless`.
             if checks.is_concrete(self.effective_width) and np.all(self.effective_width == 1.0):
                 object.__setattr__(self, "effective_width", None)
-        self._check_losses()
         if self.centroid_height is not None:
             check_centroid(self.centroid_height, self.height, self.radius_of_gyration)
+        self._check_losses()
         # A block that is not a uniform rectangle states its radius of gyration.
         if (radius := self.radius_of_gyration) is not None:
             checks.positive("radius_of_gyration", radius, every=True)
@@ -191,7 +191,9 @@ class Block:
             return
         if self.frame_width is not None:
             other = called("frame_width")
-            raise ValueError(f"`cavity_width` must not be stated with {other}: the bob swings in one of them")
+            raise ValueError(
+                f"`cavity_width` must not be stated with {other}: the bob swings in the cavity or in the frame"
+            )
         checks.positive("cavity_width", self.cavity_width, every=True)
         sizes = self.width, self.cavity_width, self.height, self.mass
         # Traced values cannot be compared, and pass.

@@ -76,7 +76,7 @@ def _both(kind: str) -> tuple[Callable, Callable]:
 
 
 def _from_python(scene: Scene, _: float) -> Callable[[], float]:
-    given = dict(zip(NAMES, scene.x, strict=True))
+    given = dict(zip(NAMES, scene.x, strict=False))
     y0 = np.array(scene.y0)
     return lambda: _number(steady_state(Parameters(**given), y0=y0).amplitude)
 
