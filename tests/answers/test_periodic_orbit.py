@@ -14,7 +14,7 @@ import pytest
 from tests.compiled.orbit_cases import chosen, felt
 from tests.reference import UNSTABLE, WITHOUT, along, differences, parameters
 from tpd import status_name
-from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
+from tpd.answers.periodic_orbit import PeriodicOrbit, periodic_orbit
 
 
 class Scene(NamedTuple):
@@ -85,7 +85,7 @@ def sizes(o: PeriodicOrbit) -> jax.Array:
 @jax.jit
 def _carried(x: jax.Array, orbit: PeriodicOrbit) -> tuple[jax.Array, PeriodicOrbit]:
     def here(x: jax.Array) -> tuple[jax.Array, PeriodicOrbit]:
-        o = continue_orbit(parameters(x), orbit)
+        o = periodic_orbit(parameters(x), orbit.state, periods=int(orbit.periods))
         return sizes(o), o
 
     return jax.jacfwd(here, has_aux=True)(x)
@@ -142,7 +142,7 @@ def test_derivatives_of_an_orbit_equal_finite_differences(scene: Scene) -> None:
     assert np.all(np.isfinite(answer.slopes))
 
     def size(x: np.ndarray) -> np.ndarray:
-        o = continue_orbit(at(x), answer.orbit)
+        o = periodic_orbit(at(x), answer.orbit.state, periods=int(answer.orbit.periods))
         assert status_name(o.status) == status_name(answer.orbit.status)
         return np.asarray(sizes(o))
 
@@ -163,7 +163,7 @@ def without() -> PeriodicOrbit:
 def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
     x = np.array(x, dtype=float)
     for x[i] in stops:
-        orbit = continue_orbit(at(x), orbit)
+        orbit = periodic_orbit(at(x), orbit.state, periods=int(orbit.periods))
     return orbit
 
 
@@ -180,7 +180,12 @@ def test_continuation_follows_an_orbit_after_it_becomes_unstable() -> None:
     assert float(end.amplitude) == pytest.approx(amplitude, abs=5e-7)
     assert np.max(np.abs(end.multipliers)) == pytest.approx(half**2, rel=1e-3)
     answer = carried(x, end)
-    slope = differences(lambda x: np.asarray(sizes(continue_orbit(at(x), end))), x, 6, share=1e-3)
+    slope = differences(
+        lambda x: np.asarray(sizes(periodic_orbit(at(x), end.state, periods=int(end.periods)))),
+        x,
+        6,
+        share=1e-3,
+    )
     np.testing.assert_allclose(answer.slopes[:, 6], slope, rtol=1e-7, atol=1e-7)
     back = moved(end, x, 6, np.linspace(1.0, 1.5, 12))
     np.testing.assert_allclose(back.state, without().state, rtol=0.0, atol=1e-13)
@@ -218,7 +223,7 @@ def test_a_missing_orbit_has_a_status_with_the_reason(status: str) -> None:
     assert status_name(orbit.status) == status
     size = {"rest": 0.0, "overturned": np.inf}.get(status, np.nan)
     np.testing.assert_equal(float(orbit.amplitude), size)
-    onward = continue_orbit(at(x), orbit)
+    onward = periodic_orbit(at(x), orbit.state, periods=int(orbit.periods))
     assert status_name(onward.status) == ("rest" if status == "rest" else "failed")
     assert np.all(np.isfinite(onward.state)) == (status == "rest")
 

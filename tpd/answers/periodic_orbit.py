@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from tpd.compiled.calling import RUNS, parts, shape
 from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY, WIDTH
@@ -83,8 +83,9 @@ def periodic_orbit(
     """Solve for the periodic orbit near a state. The orbit need not attract.
 
     Newton's method starts from `y0`, and each of its steps follows `periods` forcing periods. The state and
-    the periods of a `steady_state` are good initial guesses. The function works under `jit`, `vmap`, `grad`
-    and `jacfwd`.
+    the periods of a `steady_state` are good initial guesses, and so are those of an orbit at parameters
+    nearby: in small steps an orbit is followed through folds and grazings, also where it is unstable. The
+    function works under `jit`, `vmap`, `grad` and `jacfwd`.
 
     Args:
         p: dimensionless parameters. Derivatives with respect to them are exact.
@@ -111,34 +112,12 @@ def periodic_orbit(
     periods = checks.count("periods", periods, most=_MOST_PERIODS)
     max_events = checks.count("max_events", max_events, most=100_000)
     rest_rate = checks.tolerance("rest_rate", rest_rate)
-    return _near(p, checks.state(y0), periods, max_events, rest_rate)
-
-
-def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """Solve for the orbit at other parameters, from an orbit at parameters nearby.
-
-    The function follows one period at a time. It therefore works for unstable orbits, and near a fold or a
-    grazing, as well as for stable ones. Change the parameters in small steps: from a distance Newton's method
-    may converge to another orbit. The function works under `jit`, `vmap`, `grad` and `jacfwd`. `orbit` is an
-    initial guess and is not differentiated.
-
-    Args:
-        p: dimensionless parameters.
-        orbit: orbit at parameters nearby.
-
-    Raises:
-        RuntimeError: JAX is in 32-bit mode.
-    """
-    checks.require_x64()
-    return _near(p, orbit.state, orbit.periods, EVENTS, REST_RATE)
-
-
-def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_rate: float) -> PeriodicOrbit:
+    y0 = checks.state(y0)
     x = row_of(as_arrays(single(p)))
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
     is_plain, slopes = all(map(checks.is_concrete, inputs)), 0.0 if checks.is_concrete(x) else float(WIDTH)
-    limits = {"events": events, "rest_rate": rest_rate, "slopes": slopes, **accuracy(Terms.linear)}
+    limits = {"events": max_events, "rest_rate": rest_rate, "slopes": slopes, **accuracy(Terms.linear)}
     settings = RUNS.settings("ORBIT", periods=periods, **limits)
     call, row = (RUNS.on_host, settings) if is_plain else (RUNS, packed(map(stop_gradient, settings)))
     (record,) = call((shape(STEADY),), row, *inputs[:2])

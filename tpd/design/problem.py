@@ -426,7 +426,9 @@ class Problem(ABC):
         if status not in VALIDATED:
             return status.headline(reasons or self.missing)
         because = "".join(f", because {x}" for x in self.missing)
-        return f"{status.head} for {self.scope}{because}. This is not a safety assessment."
+        # A smaller tilt does not mean that fewer runs overturn.
+        by = ", by the mean tilt" if self.requirements.reduce == "tilt" else ""
+        return f"{status.head} for {self.scope}{by}{because}. This is not a safety assessment."
 
     @abstractmethod
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Any:

@@ -187,7 +187,8 @@ class _Project(msgspec.Struct):
 
 class _Frame(msgspec.Struct):
     width: Annotated[float | None, Key("--frame-width M", need=_HINGE)] = None
-    """Clear width of a frame or mast above the block in which the bob swings, instead of a cavity, m."""
+    """Clear width of a frame or mast above the block in which the bob swings, instead of a cavity, m. Its
+    mass is a part of that of the block."""
     height: Annotated[float | None, Key("--frame-height M", need=_FRAME)] = None
     """Height of its hinge above the base of the block, m."""
 

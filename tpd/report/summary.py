@@ -249,9 +249,7 @@ def _pendulum(design: Design, details: Details) -> Iterator[Row]:
     build, pendulum = details.build, design.pendulum
     if pendulum is None:
         return
-    # If masses in a wide range perform equally well, a third digit would suggest a false precision.
-    alike = words.range_of_mass(design)
-    point = f"as a point {words.point(pendulum, 2 if alike else 3, 3)}"
+    point = f"as a point {words.point(pendulum, 3, 3)}"
     # A bob of low density can be too large for its rod: then no body is equivalent to the point mass.
     if build is None or not math.isfinite(build.mass):
         yield "bob", f"no body with this shape and density is equivalent; {point}"

@@ -192,7 +192,7 @@ class Block:
         if self.frame_width is not None:
             other = called("frame_width")
             raise ValueError(
-                f"`cavity_width` must not be stated with {other}: the bob swings in the cavity or in the frame"
+                f"`cavity_width` must not be stated with {other}: the bob swings in a cavity or in a frame"
             )
         checks.positive("cavity_width", self.cavity_width, every=True)
         sizes = self.width, self.cavity_width, self.height, self.mass

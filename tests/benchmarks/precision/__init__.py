@@ -138,7 +138,8 @@ def pictures(rows: list[Row]) -> dict[str, Any]:
                 style = {"color": ink, "marker": marker, "ls": next(dashes), "lw": 1.0}
                 handles[method] = style | {"ms": 9 if "default" in method else 6, "zorder": 3 if ours else 2}
             ax.plot(*zip(*curve, strict=True), **handles[method], label=method)
-        ax.set(xscale="log", yscale="log", title=what, xlabel="relative error (-)")
+        ax.set_title(what, fontsize=10)
+        ax.set(xscale="log", yscale="log", xlabel="relative error (-)")
         ax.grid(True, which="major", color="0.9")
     axes[0].set_ylabel("time of a value, a gradient, a design (ms)")
     figure = axes[0].figure
