@@ -19,7 +19,7 @@ from tpd.core.formatting import Printed, Tabular, aligned
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
-from tpd.scene.status import UNANSWERED, Status, code_of, is_one_of, names_of
+from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, is_one_of, names_of
 from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
@@ -139,6 +139,11 @@ class Runs(Printed, Tabular):
     def share_at_rest(self) -> Share:
         """Share of the runs in which the block comes to rest for good."""
         return self._share(self.is_at_rest)
+
+    @property
+    def share_settled(self) -> Share:
+        """Share of the runs that reach a periodic motion, or rest."""
+        return self._share(is_one_of(self.outcome, *SETTLED))
 
     def _share(self, hits: np.ndarray) -> Share:
         answered = ~self.is_unanswered
