@@ -33,11 +33,11 @@ INTERNAL = re.compile(r"(numba\.(core|np|_\w+)|jax\._src|jaxlib|matplotlib\._\w+
 PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 """Names with an underscore that Python documents, of named tuples and enumerations."""
 CEILINGS = {
-    "code lines": 20050,
-    "characters of code": 1007500,
-    "lines of tests": 28730,
-    "lines of benchmarks": 4467,
-    "modules": 184,
+    "code lines": 19990,
+    "characters of code": 1005500,
+    "lines of tests": 28500,
+    "lines of benchmarks": 4310,
+    "modules": 181,
 }
 """Largest values of the measures that grow with what the package can do. They are only lowered. All other
 measures concern the structure."""

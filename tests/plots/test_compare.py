@@ -7,23 +7,7 @@ import pytest
 
 import tpd
 from tests.plots.shown import lines
-from tpd.plots.compare import plot_benefit, plot_conditions
-
-
-def test_conditions_are_drawn_in_order_and_in_si_units(band):
-    ax, below = plot_conditions(band)
-    exact, drawn = band.best.exact, lines(ax)["with pendulum"]
-    # The fixture gives the highest frequency first.
-    assert drawn.get_xdata() == pytest.approx([2.25, 2.5, 2.75, 3.0])
-    nu = band.scene.block.slenderness
-    assert drawn.get_ydata() == pytest.approx(nu * exact.orbits.tilt[0, ::-1])
-    without = band.problem.without_pendulum.orbits
-    known = np.where(without.attracts[0], nu * without.tilt[0], np.nan)[::-1]
-    assert lines(ax)["without pendulum"].get_ydata() == pytest.approx(known, nan_ok=True)
-    assert lines(below)["bob"].get_ydata() == pytest.approx(exact.orbits.swing[0, ::-1])
-    assert below.get_xlabel() == "frequency of the excitation (Hz)"
-    low, high = ax.get_ylim()
-    assert -0.05 * high <= low <= 0.0
+from tpd.plots.compare import plot_benefit
 
 
 def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, under_pulses):

@@ -117,11 +117,11 @@ def test_the_table_lists_the_limits_that_exclude_better_designs():
 
 def test_the_table_of_settled_motion_has_a_row_for_every_condition():
     for design in (harmonic(), rejected()):
-        first, conditions = sections.settled(design, ())
+        first, conditions = sections.settled(design)
         assert [row[0] for row in conditions.rows] == [design.conditions.label(i) for i in range(10)]
         assert ("came nearest and is not recommended" in conditions.caption) is (design.pendulum is None)
         assert "largest tilt without pendulum" in rows(first)
-    assert sections.settled(ground(), ()) == []
+    assert sections.settled(ground()) == []
 
 
 @pytest.mark.parametrize("kind", DESIGNS)

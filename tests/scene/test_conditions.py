@@ -31,8 +31,6 @@ def test_the_label_of_a_condition_states_the_factors_that_differ():
     band = Conditions.band(SCENE, 2.0, 4.0, 2)
     assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
     assert band.label(1) == "4 Hz"
-    assert (band.axis, (band * Conditions.amplitudes(1.2)).axis) == ("frequency", "frequency")
-    assert (band * Conditions.amplitudes(0.5, 1.1)).axis is Conditions().axis is None
     assert Conditions().label(0) == "the scene's own shaking"
     np.testing.assert_array_equal(Conditions().factor_rows(), np.ones((1, len(FACTORS))))
     # The number of a sample says nothing about it.
@@ -127,7 +125,6 @@ def test_a_neighbourhood_contains_the_stated_and_stronger_excitations():
     assert near.description == ("5 frequencies from 2.38 to 2.62 Hz", "amplitude factors 1, 1.1")
     other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
     np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
-    assert other.axis == "frequency"
     for wrong, message in (
         ({"frequency": 0.6}, r"`frequency` must be between 0\.001 and 0\.5, but is 0\.6"),
         ({"amplitude": -0.1}, "`amplitude` must be between 0 and 1, but is -0.1"),

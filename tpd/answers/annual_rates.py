@@ -158,6 +158,7 @@ def rates_of_outcomes(hazard: Hazard, edges: np.ndarray, hits: np.ndarray, quake
             (cases, motions, strata).
         quakes: number of the earthquake of each motion, shape (motions,).
     """
+    # Each stratum stands for the rate between its ends, and the last one also for all larger intensities.
     exceeding = hazard.exceeding(edges)
     weights = np.append(-np.diff(exceeding)[:-1], exceeding[-2])
     answered = np.isfinite(hits)

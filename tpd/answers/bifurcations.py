@@ -525,6 +525,7 @@ def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: in
     at = search.axis.at(np.append(values, b.value))[:, [XI]] / np.pi
     places = np.stack([orbits.crossing * at[:-1], orbits.phase], axis=-1)
     apart = np.abs(wrapped(places - np.array([b.crossing * at[-1, 0], b.phase]))).max(axis=-1)
+    # Orbits farther away belong to other branches.
     apart = np.where(apart < _MOST_DISTANCE, apart, np.inf)
     out = []
     for i, order in enumerate(np.argsort(apart, axis=1)):

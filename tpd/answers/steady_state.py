@@ -326,6 +326,7 @@ def _traced(values: tuple, traced: list[int], solve: Callable[..., Any]) -> Stea
         by_index = dict(zip(traced, inputs, strict=True))
         return tuple(by_index.get(i, x) for i, x in enumerate(values))
 
+    # Value and slopes come from one solution, so that a gradient costs no second one.
     @jax.custom_jvp
     def settled(*inputs: Any) -> SteadyNumbers:
         answer, _ = solve(primal(with_inputs(inputs)), 0)

@@ -60,6 +60,7 @@ def _overturning(
     )
     shares, undecided = spectrum.safe().tolist(), spectrum.undecided().tolist()
     total = spectrum.without_pendulum.size
+    # Pulses without a result are neither safe nor overturned, so they are counted beside the share.
     stands = (_share(share, n, total) for share, n in zip(shares, undecided, strict=True))
     cases = (f"{share} {name}" for share, name in zip(stands, common.CASES, strict=False))
     line = f"pulses under which the block does not overturn: {', '.join(cases)}"

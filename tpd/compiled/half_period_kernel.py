@@ -95,6 +95,7 @@ def pair(p, q, t):
         v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
     elif w2.real < 0.0:
         w = np.sqrt(-w2)
+        # Two exponentials, because cosh and the decay overflow separately.
         slow, fast = exponential((w - half) * t), exponential((-w - half) * t)
         c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
     else:

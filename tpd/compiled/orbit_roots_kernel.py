@@ -158,6 +158,7 @@ def _lowest(q, m, low, high):
     a, b = low + _GOLDEN * (high - low), high - _GOLDEN * (high - low)
     at_a, at_b = _value(q, m, a, 0.0), _value(q, m, b, 0.0)
     for _ in range(34):
+        # The caller needs only the sign.
         if min(at_a, at_b) < 0.0:
             break
         if at_a < at_b:

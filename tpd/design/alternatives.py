@@ -106,6 +106,7 @@ def alternatives(problem: Problem) -> Alternatives:
     periods, damping = problem.isolation(peak)
     # The tie pulls at the top, and the weight and the inertia act at the centroid.
     z = float(block.centroid)
+    # The block lifts when the moment of the inertia exceeds that of the weight; the tie holds the rest.
     tie = float(block.mass) * gravity * max(peak - alone.uplift, 0.0) * z / float(block.height)
     # The block rocks on the same share of a wider base.
     width = 2.0 * z * (peak - float(block.friction)) * float(block.width / block.base_width)

@@ -88,6 +88,7 @@ class Geometry:
         block, slenderness = scene.block, conditions.column("slenderness")
         hinge = block.height if hinge_ratio is None else hinge_ratio * block.centroid
         has_frame = block.frame_width is not None
+        # In a cavity the bob must stay above the floor, and in a frame above the top of the block.
         return Geometry(
             centroid=block.centroid,
             block_mass=block.mass,

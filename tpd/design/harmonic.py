@@ -103,7 +103,7 @@ class HarmonicProblem(Problem):
         "starts": Starts.any(),
         "objective": Settling(),
     }
-    pictures = *Problem.pictures, "conditions", "motion"
+    pictures = *Problem.pictures, "motion"
     has_earthquakes: ClassVar[bool] = False
     begin_of_runs: ClassVar[str] = "Validation runs with"
     attempts: ClassVar[int] = 3

@@ -388,6 +388,7 @@ class Job(ABC):
                 more = "; try these options: " + " ".join(flags) if error.options else ""
                 raise ValueError("\n".join([error.args[0] + more, *error.preview])) from None
         (motions, notes), site = read, self.full["site"]
+        # The records are of the ground, and the block stands on the building.
         if (period := site["building_period"]) is not None:
             with naming("site", period="building_period", damping="building_damping"):
                 motions = [m.on_building(period, site["building_damping"]) for m in motions]
@@ -805,6 +806,7 @@ def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
     # The word "rows" instead of columns means that the samples continue row by row.
     if list(pairs) == [ROWS]:
         return ROWS
+    # A name may contain an equals sign, so the number follows the last one.
     columns: dict[str, int] = {}
     for pair in pairs:
         name, _, at = pair.rpartition("=")

@@ -192,6 +192,7 @@ class Problem(ABC):
         defaults = cls.defaults
         if unknown := inputs.keys() - defaults.keys():
             raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
+        # None means the default, so that a caller can pass on an option that it was not given.
         checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}
         for name in defaults.keys() - {"limits", "seed", "objective", "validation_share"}:
             checks.instance(name, checked[name], type(defaults[name]))

@@ -150,6 +150,7 @@ class EngineVerdict(Printed):
             f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction "
             f"coefficient {self.sliding:g} against sliding."
         )
+        # A result that differs between engines must be read before any number.
         lines = [
             *([f"DANGER: {self.warning}"] if self.warning else []),
             head,

@@ -98,9 +98,11 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
     line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
         wrong = f"line {line} must state an ACCELERATION, but is {quote(head[line - 1])}"
+        # The database has three files of each component, and the wrong one is a common mistake.
         if other := re.search(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
             raise NoAcceleration(wrong, other[0].lower())
         raise UnreadableRecord(wrong)
+    # The lines above the number of points are the header; the numbers follow.
     count = next((i for i, text in enumerate(head) if "NPTS" in text.upper()), len(head))
     for i, text in enumerate(head[:count], 1):
         if i != line and (word := _NO_NAME.search(text)):

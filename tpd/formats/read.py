@@ -106,11 +106,13 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
                 label = f"{label_of(file)}, channel {i}{component}"
+            # Files round their step, so a small difference is no contradiction.
             if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
                 wrong = f"the file states a step of {channel.dt:g} s, but {called('dt')} is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
             channel = note_direction(check_channel(scale_channel(channel, how.factor), how.baseline))
             channels.append(replace(channel, source=label, event=event_of(channel.event)))
+    # Of several files the message must name the one that is wrong.
     except UnreadableRecord as error:
         error.args = (f"{label}: {error.args[0]}",)
         raise

@@ -108,6 +108,7 @@ class Options:
         if type(self.skip) is not int or self.skip < 0:
             raise ValueError(f"{called('skip')} must be a number of lines, 0 or more, but is {self.skip!r}")
         checks.set_checked(self, checks.number, "factor")
+        # A record of zeros would pass every later check.
         if self.factor == 0.0:
             raise ValueError(f"{called('factor')} must be a finite number other than 0, but is 0")
         if self.dt is not None:
@@ -118,6 +119,7 @@ class Options:
             checks.one_of("baseline", self.baseline, BASELINES)
         if self.columns is None or self.columns == ROWS:
             return
+        # A wrong type has no columns, so that one sentence names what is allowed.
         columns = self.columns if isinstance(self.columns, Mapping) else {}
         are_numbers = all(type(at) is int and at >= 1 for at in columns.values())
         if not columns or not (are_numbers and all(isinstance(name, str) for name in columns)):

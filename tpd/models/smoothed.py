@@ -217,6 +217,8 @@ class Smoothed(Model):
         # An event of a precise run is the turning point of `_peak`. It needs only the final state, and a
         # small first step.
         rtol = self.cycle_rtol if precise else self.rtol
+        # Forward derivatives need no stored steps, and a design has few parameters. If the steps do not
+        # suffice, the result has a status, so the solver must not raise.
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             diffrax.Dopri8() if precise else self.solver,

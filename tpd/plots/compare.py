@@ -1,4 +1,4 @@
-"""Pictures that compare a block with and without its pendulum: benefit and conditions."""
+"""Pictures that compare a block with and without its pendulum: benefit."""
 
 from __future__ import annotations
 
@@ -8,17 +8,12 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.design.design import Design
-from tpd.design.harmonic import ExactMotions
 from tpd.plots.style import (
     BLUE,
     CASES,
     GREY,
     INK,
-    LABELS,
-    NOT_RECOMMENDED,
-    ORANGE,
     SMALL,
-    in_degrees,
     legend,
     new_axes,
     own_style,
@@ -26,8 +21,6 @@ from tpd.plots.style import (
 
 _SHOWN = {"overturned": "overturned", "mean tilt": "tilt, mean", "at rest": "at rest at the end"}
 """Labels of the changes over all runs, by their names."""
-_QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
-"""Names of the pendulum's quantities by the shorter names of the conditions."""
 
 
 @own_style()
@@ -103,77 +96,3 @@ def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, floa
         shares = (float(np.mean(case.is_overturned[of])) for case in cases)
         rows.append((f"overturned, {name}", *shares, np.nan, np.nan))
     return rows, above
-
-
-@own_style()
-def plot_conditions(design: Design, axes: Any = None) -> Any:
-    """Draw the steady tilt with and without the pendulum, and below it the bob angle.
-
-    The horizontal axis is the quantity in which the conditions differ. Triangles and crosses are conditions
-    under which the block overturns from rest.
-
-    Args:
-        design: the answer of `optimise`.
-        axes: two axes to draw on; by default those of a new figure.
-
-    Returns:
-        Both axes, an array.
-
-    Raises:
-        ValueError: conditions that differ in no quantity, or in several.
-    """
-    name = design.conditions.axis
-    if name is None:
-        raise ValueError("`design` must have conditions that differ in one quantity")
-    axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
-    # Conditions with random values are not sorted.
-    order = np.argsort(design.conditions.column(name), kind="stable")
-    x, xlabel = _values(design, name)
-    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-    # A design that is not recommended is drawn as well, with another label.
-    cases = design.exact_motions
-    tilts = [_attracting(motions, "tilt") * nu for motions in cases]
-    # Leave space above all finite tilts for the marks of overturning.
-    top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
-    for i, (motions, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
-        is_rejected = i == 1 and design.pendulum is None
-        label = NOT_RECOMMENDED if is_rejected else style["label"]
-        axes[0].plot(x[order], tilt[order], **style | {"label": label})
-        overturned = x[motions.status == "overturned"]
-        if len(overturned):
-            label = f"{label}: overturns from rest"
-            marks = style | {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
-            axes[0].plot(overturned, np.full(len(overturned), top * (1.0 - 0.05 * i)), **marks)
-    # The axis begins a little below zero, where the marks of a block at rest are visible.
-    axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
-    for motions in cases[1:]:
-        axes[1].plot(x[order], _attracting(motions, "swing")[order], **CASES[1] | {"label": "bob"})
-    if np.isfinite(design.stroke_limit):
-        axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
-    axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
-    axes[1].axhline(0.0, color=INK, lw=0.4)
-    for ax in axes:
-        in_degrees(ax)
-        legend(ax, loc="best")
-    return axes
-
-
-def _attracting(motions: ExactMotions, size: str) -> np.ndarray:
-    """Return a size of the attracting orbit under each condition, (n,); NaN if there is no such orbit."""
-    e = motions.orbits
-    # Row 0 is the only design in these arrays.
-    return np.where(e.attracts[0] & np.isfinite(e.tilt[0]), getattr(e, size)[0], np.nan)
-
-
-def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
-    """Return the values of the quantity in which the conditions differ, and the axis label.
-
-    Values have SI units, except for a quantity of the pendulum if no pendulum is recommended: its values are
-    then factors.
-    """
-    factors, quantity = design.conditions.column(name), _QUANTITIES.get(name, name)
-    if name == "slenderness":
-        return factors * design.scene.block.slenderness, LABELS["nu"]
-    if quantity != name and design.pendulum is None:
-        return factors, f"{name} of the pendulum, as a factor (-)"
-    return factors * design.scene.quantities(design.pendulum)[quantity], LABELS[quantity]

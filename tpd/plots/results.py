@@ -44,8 +44,7 @@ def plot(
             - "drawing": block and pendulum to scale;
             - "benefit": validation runs with and without the pendulum, over all runs and for each condition
               (under ground motions, for each group);
-            - "conditions" (harmonic excitation only): tilt over the one quantity in which the conditions
-            differ; - "motion" (harmonic excitation only): first periods of the motion from rest.
+            - "motion" (harmonic excitation only): first periods of the motion from rest.
         quantity: quantity of a map: "amplitude" (the default), "swing" or "margin".
         state: damage state of a fragility; by default "overturned".
         without: response or branches without the pendulum over the same quantity, which are drawn as well.
@@ -104,7 +103,6 @@ def draw(name: str, design: Design, details: Details) -> bytes:
     drawings: dict[str, Callable[[], Any]] = {
         "search.png": lambda: landscape.plot_landscape(design),
         "benefit.svg": lambda: compare.plot_benefit(design),
-        "conditions.svg": lambda: compare.plot_conditions(design),
         "drawing.svg": lambda: drawing.plot_design(design),
         "response.svg": lambda: response.plot_response(details.responses, scene.excitation.frequency),
         "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
@@ -150,7 +148,6 @@ _OF_DESIGN: dict[str, Callable[[Any, Any], Any]] = {
     "landscape": landscape.plot_landscape,
     "drawing": drawing.plot_design,
     "benefit": compare.plot_benefit,
-    "conditions": compare.plot_conditions,
     "motion": response.plot_start,
 }
 """Functions that draw a design, by the values of `what`."""

@@ -103,11 +103,6 @@ _CAPTIONS = {
         "(star). Dark means a large tilt. Hatched: a limit is exceeded; its name stands at the edge. Lines: "
         "paths of the descents.",
     ),
-    "conditions.svg": (
-        "Tilt and bob angle against the quantity in which the conditions differ, with and without a pendulum",
-        "Lines: largest steady tilt of the attracting orbits. Marks near the top: the block overturns from "
-        "rest.",
-    ),
 }
 """Alternative text and caption of every picture, by the name of its file."""
 
@@ -160,11 +155,9 @@ def content(
 
 def figures(design: Design, details: Details) -> dict[str, Figure]:
     """Return the figures by the names of their files, for all pictures that the results have data for."""
+    # A picture without data would be empty axes.
     has_data = {
         "benefit.svg": design.runs is not None,
-        "conditions.svg": "conditions" in design.problem.pictures
-        and len(design.conditions) > 1
-        and design.conditions.axis is not None,
         "search.png": design.trials is not None
         and (design.trials.risk is not None or (bool(design.paths) and len(design.space.names) > 1)),
         "response.svg": bool(details.responses),
@@ -173,6 +166,7 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
         "animation.gif": bool(details.histories),
     }
     all_figures = {name: Figure(name, *_CAPTIONS[name]) for name, exists in has_data.items() if exists}
+    # The caption of the drawing must not name parts that it does not show.
     if design.pendulum is None:
         all_figures["drawing.svg"] = replace(
             all_figures["drawing.svg"], caption="Block and base, to scale; + is the centroid."

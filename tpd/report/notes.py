@@ -39,6 +39,7 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
     if design.sliding and design.sliding.slides:
         all_notes.append(danger(design.sliding.sentence))
     all_notes += [*_runs(design), *_failures(details), *_responses(details), *_earthquakes(design)]
+    # Steady motions exist only under a harmonic.
     if design.pendulum and len(cases := design.exact_motions) == 2:
         _, exact = cases
         all_notes += [*_from_rest(design, *cases), *_settled(exact), *_orbits(design, *cases)]
@@ -184,6 +185,7 @@ def _earthquakes(design: Design) -> Iterator[Note]:
     nameless = sum(getattr(m, "event", None) == "" for m in design.conditions.motions)
     best, alike = design.best, design.equivalent
     if best is not None and best.crossed is not None and alike is not None and design.pendulum is not None:
+        # Designs from other earthquakes that differ more than equally good designs are a sign of chance.
         masses = best.crossed[:, 0]
         if masses.min() < alike[0, 0] or masses.max() > alike[1, 0]:
             sizes = ", ".join(f"{number(float(x * design.scene.block.mass), 3)} kg" for x in masses)

@@ -45,7 +45,7 @@ def sections(
         "What limits the design": limiting(design, details.build),
         "Nearby frequencies": [*picture("response.svg")],
         "Motion from rest": [*picture("motion.svg"), *picture("animation.gif")],
-        "Settled motion": settled(design, picture("conditions.svg")),
+        "Settled motion": settled(design),
         "Appendix: search": searched(design, picture("search.png")),
         "Appendix: rejected designs": rejected(design),
         "Appendix: records": records(design),
@@ -247,7 +247,7 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
     return (name, float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio), tilt)
 
 
-def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
+def settled(design: Design) -> list[Block]:
     """Return the exact settled motion under each condition; an empty list under ground motions."""
     motions, n = design.exact_motions, len(design.conditions)
     if not motions:
@@ -262,7 +262,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     if design.problem.rest_counts:
         source = "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
     caption = f"{source}. Linear model."
-    out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
+    out: list[Block] = [Table(("", "value"), tuple(rows), caption)]
     # A table with one condition would repeat the table above.
     if n == 1:
         return out

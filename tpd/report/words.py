@@ -90,6 +90,7 @@ def rule_and_search(design: Design) -> Iterator[tuple[str, str]]:
             text += f": {by} {'lower' if less else 'higher'} {MEASURED[of.measure]}{around}"
         if of.refusals:
             text += f"; not recommended, because {of.refusals[0]}"
+        # A search that depends on single earthquakes finds other masses without them.
         if of.crossed is not None:
             masses = [float(design.problem.pendulum(x).mass) for x in of.crossed]
             ends = " to ".join(dict.fromkeys(number(x, 3) for x in (min(masses), max(masses))))
@@ -223,6 +224,7 @@ def origin(scene: Scene) -> str:
     sizes = "width", "height", "mass", "radius_of_gyration", "centroid_height", "effective_width"
     if any(getattr(block, key) != getattr(original, key) for key in sizes):
         return ""
+    # Only the block decides whether the scene is that of the paper.
     same = {
         "excitation": scene.excitation == paper.excitation,
         "losses": (block.friction, block.velocity_ratio) == (original.friction, original.velocity_ratio),

@@ -153,4 +153,5 @@ def _repeat(step: Callable[..., Any], x: Any, *fixed: Any) -> Any:
         i, before, now = state
         return (i < _TURNS) & (abs(now - before) > 1e-16 * now)
 
+    # A loop in JAX has no derivative in reverse mode; the caller makes one from the converged value.
     return lax.while_loop(moves, lambda s: (s[0] + 1, s[2], step(s[2], *fixed)), (0, 2.0 * x, x))[2]

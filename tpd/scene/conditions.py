@@ -202,12 +202,6 @@ class Conditions:
         return np.argsort(np.lexsort(keys))
 
     @property
-    def axis(self) -> str | None:
-        """Name of the only factor in which the conditions differ; None if there are none or several."""
-        differ = self._differing
-        return differ[0] if len(differ) == 1 else None
-
-    @property
     def _differing(self) -> tuple[str, ...]:
         return tuple(name for name, v in self.factors.items() if np.ptp(v) > 0.0)
 

@@ -105,8 +105,10 @@ class Parameters:
         checks.positive("kappa", self.kappa, 1.0 / GREATEST, HIGHEST_RATIO, every=True)
         why = " (the linear model neglects terms of order nu**2)"
         checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, why, every=True)
+        # Without a value rho is that of a uniform rectangle.
         if self.rho is not None:
             checks.within("rho", self.rho, 1e-6, 1.0, every=True)
+        # Housner's coefficient falls with the mass of the bob, and must remain positive.
         if self.e is None:
             _check_heaviest(self.nu, self.inertia_ratio, self.mu)
         else:

@@ -77,6 +77,7 @@ class Record(GroundMotion):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.quote(self.notes)}")
+        # A record in cm/s^2 is a hundred times too large, and would pass all other checks.
         is_concrete = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
         if is_concrete and float(self.pga) > GREATEST_PEAK:
             allowed = f"at most {GREATEST_PEAK:g} m/s^2 at its peak"
