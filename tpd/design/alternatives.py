@@ -55,8 +55,8 @@ class Alternatives(NamedTuple):
     def brief(self) -> str:
         """Clause with tie and base."""
         base = f", or a base of {_at_least(self.width)} m," if self._has_base else ""
-        at = f"at {_at_least(self.friction)} g (static, {self.level})"
-        return f"a tie at the top for {self._force}{base} prevents uplift {at}"
+        at = f"at {_at_least(self.friction)} g ({self.level.removeprefix('the ')})"
+        return f"a top tie for {self._force}{base} prevents uplift {at}"
 
     @property
     def _has_base(self) -> bool:

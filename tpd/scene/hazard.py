@@ -11,7 +11,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.formatting import number
 
-HOW_TO = "State `levels` and `rates` in [hazard] to learn once in how many years the block overturns"
+HOW_TO = "State `levels` and `rates` in [hazard] for the annual rate of overturning"
 """Sentence for results without a hazard, without its full stop."""
 _STEP = 1e-6
 """Dispersion of a curve that is almost a step."""
