@@ -23,8 +23,9 @@ space.hinge_height=0.3
 --hinge-height 0.3
 block={width=1, height=5, mass=9e3, radius_of_gyration=2}; excitation={amplitude=1, frequency=0.3}
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 2 --amplitude 1 --frequency 0.3
-block={width=2,height=9,mass=4e4,centroid_height=4,radius_of_gyration=3}; excitation={amplitude=1,frequency=1}
---width 2 --height 9 --mass 4e4 --centroid-height 4 --radius-of-gyration 3 --amplitude 1 --frequency 1
+block={width=2,height=9,mass=4e4,centroid_height=4,radius_of_gyration=3}; \
+excitation={amplitude=0.1,frequency=1}
+--width 2 --height 9 --mass 4e4 --centroid-height 4 --radius-of-gyration 3 --amplitude 0.1 --frequency 1
 block={width=2, height=9, mass=4e4}; frame={width=1, height=11}; excitation={amplitude=1, frequency=0.3}
 --width 2 --height 9 --mass 4e4 --frame-width 1 --frame-height 11 --amplitude 1 --frequency 0.3
 block={base_friction=0.6, effective_width=0.9}

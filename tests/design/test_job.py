@@ -182,10 +182,10 @@ def test_the_keys_of_a_job_determine_the_kind_of_excitation():
     assert pulse.kind == "pulse"
     assert pulse.scene.excitation == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
     c = pulse.conditions
-    # By default the conditions are a band of periods and of sizes.
-    assert [1.0 / m.frequency for m in c.motions] == pytest.approx([0.35, 0.425, 0.5, 0.575, 0.65])
+    # By default the conditions are a band of periods and of sizes, and the stated pulse comes first.
+    assert [1.0 / m.frequency for m in c.motions] == pytest.approx([0.5, 0.35, 0.425, 0.575, 0.65])
     assert {m.pga for m in c.motions} == {pulse.scene.excitation.pga}
-    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (0.9, 1.0, 1.1), 0.0)
+    assert (c.intensity, c.scales, pulse.validation_share) == ("scale", (1.0, 0.9, 1.1), 0.0)
     one = {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5, "pulse_band": [0, 0]}
     c = jobs.job_of({"excitation": one}).conditions
     assert (c.motions, c.scales) == (pulse.motions, (1.0,))

@@ -177,10 +177,9 @@ def test_stored_runs_under_records_are_the_counted_runs():
     design = designs.ground_design()
     *_, runs = content(design)["runs"]
     pairs = design.validated[-1].runs
-    counted = pairs.counted & pairs.is_answered
+    counted = pairs.is_answered & (True if pairs.counted is None else pairs.counted)
     (overturned, mean, _) = runs["rows"]
     assert overturned[3].startswith(f"validation runs: {int(counted.sum())} paired runs")
-    assert counted.sum() < len(counted)
     cases = pairs.with_pendulum, pairs.without_pendulum
     shares = [f"{100 * np.mean(case.is_overturned[counted]):.1f} % with" for case in cases]
     tilts = [f"{np.mean(case.severity[counted]):.3g}" for case in cases]

@@ -115,7 +115,7 @@ def test_the_summary_describes_the_pendulum_as_built():
     design = replace(harmonic(), equivalent=np.stack([0.8 * near, 1.2 * near]))
     build, said = build_of(design), flat(answer(design, details(), most=1000))
     ball = f"bob {build.mass:.3g} kg, a solid ball of steel, {build.bob_width:.3g} m wide (as a point "
-    assert f"{ball}{design.pendulum.mass:.2g} kg on a rod of" in said
+    assert f"{ball}{design.pendulum.mass:.3g} kg on a rod of" in said
     assert f"the bob's centre: {build.frequency:.3g} Hz, {1 / build.frequency:.3g} s" in said
     low, high = (f"{0.01 * share * near[0] * 16.224:.2g}" for share in (80.0, 120.0))
     assert f"depends on {depends_on(details(), f'{low} to {high} kg')}" in said
@@ -123,8 +123,6 @@ def test_the_summary_describes_the_pendulum_as_built():
     assert f"breakaway moment at most {build.breakaway:.2g} N m" in said
     # Without walls in the search no distance to a wall is reported as if it were kept.
     assert "the wall is at" not in said
-    alone = answer(replace(design, equivalent=None))
-    assert f"(as a point {design.pendulum.mass:.3g} kg" in flat(alone)
 
 
 def test_every_summary_compares_the_pendulum_with_wider_bases():
@@ -135,7 +133,7 @@ def test_every_summary_compares_the_pendulum_with_wider_bases():
     said = flat(answer(rejected(), details("rejected"), most=1000))
     assert "wider block overturned in the same runs: " in said
     assert "% (base 20 % wider, " in said
-    assert said.count("no pendulum a tie") == 1
+    assert said.count("no pendulum a top tie") == 1
 
 
 @pytest.mark.parametrize(
