@@ -127,7 +127,7 @@ class Job(ABC):
     def block(self) -> Block:
         """Block of the job. The block of the paper also has the losses and the cavity that it has in
         Python."""
-        values = {name: x for name, x in self.full["block"].items() if x is not None}
+        values: dict[str, Any] = {name: x for name, x in self.full["block"].items() if x is not None}
         wide = self.full["frame"]["width"]
         # The default block is that of the paper. A user's own block has the defaults of `Block`.
         if all(values[x] == getattr(PAPER.block, x) for x in required_keys("block")):
