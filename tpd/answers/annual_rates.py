@@ -87,8 +87,9 @@ class AnnualRates(Printed, Cases):
             shares = " and ".join(percent(x) for x in beyond)
             out.append(f"{shares} of the rate comes from intensities above the last level, {last}{advice}")
         low = float(self.hazard.exceeding(0.5 * self.edges[0]) - self.hazard.exceeding(self.edges[0]))
-        if self.shares[0, 0] * low > _LARGE_SHARE * self.cases[0].mean:
-            some = f"{percent(float(self.shares[0, 0]))} of the runs near the first level, {first}, overturn"
+        least, *_ = self.shares[0]
+        if least * low > _LARGE_SHARE * self.cases[0].mean:
+            some = f"{percent(float(least))} of the runs near the first level, {first}, overturn"
             out.append(f"Intensities below the first level do not count, but {some}: state lower levels")
         return tuple(out)
 

@@ -55,7 +55,7 @@ class Alternatives(NamedTuple):
     def brief(self) -> str:
         """Clause with tie and base."""
         base = f", or a base of {_at_least(self.width)} m," if self._has_base else ""
-        at = f"at {_at_least(self.friction)} g ({self.level.removeprefix('the ')})"
+        at = f"at {_at_least(self.friction)} g ({self.level})"
         return f"a top tie for {self._force}{base} prevents uplift {at}"
 
     @property

@@ -91,7 +91,8 @@ def rule_of_thumb(problem: Problem, progress: Progress = unreported) -> np.ndarr
     # A guess that is also the one for a bob at rest does not depend on the assumed angle.
     if at_rest is None or (guess is not None and np.array_equal(guess, at_rest) and keeps(guess)):
         return guess
-    damped, low, high = float(problem.space.ends[1, 2]), 0.0, 2.0 * problem.rule_swing
+    *_, damped = problem.space.ends[1].tolist()
+    low, high = 0.0, 2.0 * problem.rule_swing
     best = None
     for _ in range(_STEPS):
         # The angle of the rule comes first, because it is in the middle.

@@ -265,7 +265,7 @@ class GroundMotionProblem(Problem):
         hazard, gravity = self.conditions.hazard, float(self.scene.gravity)
         if hazard is not None and hazard.intensity == "pga":
             return hazard.level(1.0 / _CODE_PERIOD), f"once in {_CODE_PERIOD} years"
-        return max(float(motion.pga) for motion in self._weakest) / gravity, "the lowest level"
+        return max(float(motion.pga) for motion in self._weakest) / gravity, "lowest level"
 
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""

@@ -273,7 +273,7 @@ class HarmonicProblem(Problem):
     @property
     def usual_level(self) -> tuple[float, str]:
         """See `Problem.usual_level`."""
-        return self.at_rest.peak, "the strongest condition"
+        return self.at_rest.peak, "strongest condition"
 
     def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check]:
         """See `Problem.compared_models`."""

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from tpd.core.formatting import called
-
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d{1,3})?"
 """Pattern of a number."""
 WHOLE = r"\d{1,9}"
@@ -206,7 +204,7 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
             raise UnreadableRecord(f"the times must have equal steps, but {where} is {step_text}")
         # With coarse times a missing time would not be noticed, and several rates in Hz may be possible.
         if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
-            remedy = f"leave them out of {called('columns')} and give {called('dt')}"
+            remedy = "leave them out of the option `columns`, and give `dt`"
             raise UnreadableRecord(f"the times have too few digits to show equal steps: {remedy}")
         # Prefer a step that is a whole rate in Hz, then the one with the fewest digits.
         rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]

@@ -186,8 +186,8 @@ def _earthquakes(design: Design) -> Iterator[Note]:
     best, alike = design.best, design.equivalent
     if best is not None and best.crossed is not None and alike is not None and design.pendulum is not None:
         # Designs from other earthquakes that differ more than equally good designs are a sign of chance.
-        masses = best.crossed[:, 0]
-        if masses.min() < alike[0, 0] or masses.max() > alike[1, 0]:
+        masses, (low, high) = best.crossed.T[0], alike.T[0]
+        if masses.min() < low or masses.max() > high:
             sizes = ", ".join(f"{number(float(x * design.scene.block.mass), 3)} kg" for x in masses)
             yield note(
                 f"The groups of earthquakes lead to different pendulums ({sizes}), outside of the range that "
