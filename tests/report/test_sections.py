@@ -72,7 +72,7 @@ def test_every_variation_is_a_row_with_its_difference_from_the_stated_design():
         assert row == (*cells, points)
     assert found["all as stated"][2] is None
     # nu + k: 0.225 + 0.05.
-    assert "90 % of the base (lifts at 0.275 g without the pendulum)" in found
+    assert "90 % of the base (lifts at 0.275 g)" in found
     assert f"Tolerances in the validation runs: {harmonic().problem.scatter_in_words()}." in table.caption
     assert f"the same effect as a block {words.wider(details().equivalent_widening)}." in table.caption
     assert "reduction of the share of runs that overturn, minus as stated" in table.head

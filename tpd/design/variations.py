@@ -215,7 +215,7 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
             words = f"losses by {name} ({size})"
             yield linear("losses", name, words=words, scene=replace(scene, block=other))
     # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
-    words = f"{percent(BEARING)} of the base (lifts at {number(BEARING * nu + k, 3)} g without the pendulum)"
+    words = f"{percent(BEARING)} of the base (lifts at {number(BEARING * nu + k, 3)} g)"
     narrow = Conditions({"slenderness": np.array([BEARING])})
     yield linear("width", share=BEARING - 1.0, words=words, more=narrow)
     # Only the height of the hinge changes: the design keeps its rod, its damping ratio and its runs.

@@ -74,7 +74,7 @@ def first_guess(of: FirstGuess, allowed: float) -> str:
         share = percent(of.over_limit)
         exceeds = f", but {share} of the others exceed the limit on {LABELS.get(of.limit, of.limit)}"
         if of.limit == Clearance.name:
-            exceeds = f", but the bob touches the wall in {share} of the others"
+            exceeds = f"; wall contact in {share} of the others"
     share = percent(of.runs.share_overturned.value, 1)
     return f"{point(of.pendulum, 2, 2)}: {share} overturn{exceeds}"
 
