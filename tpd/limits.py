@@ -630,7 +630,6 @@ def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
     raise ValueError(
         "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
         "sides of the bob: a pendulum needs a cavity in the block, or a frame above it. State the width "
-        "(--cavity, `cavity_width` in [block] or of `Block`; --frame, [frame], `frame_width`), or ignore the "
-        "walls (--no-walls, `clearance = false` in "
-        "[limits], or limits without `Clearance`)"
+        "(--cavity, `cavity_width` in [block] or of `Block`; --frame-width, [frame], `frame_width`), or "
+        "ignore the walls (--no-walls, `clearance = false` in [limits], or limits without `Clearance`)"
     )

@@ -98,11 +98,24 @@ def test_a_block_that_never_overturns_has_a_rate_of_zero():
 def test_runs_without_a_result_widen_the_interval():
     hits = outcomes()
     known = rates(hits)
-    hits[:, :, 6:9] = np.nan
+    hits[:, ::3, 6:9] = np.nan
     of = rates(hits)
     assert of.without_pendulum.low < known.without_pendulum.low
     assert of.without_pendulum.high > known.without_pendulum.high
-    np.testing.assert_array_equal(of.shares[:, 6:9], 0.0)
+    assert 0.0 < of.without_pendulum.mean < math.inf
+
+
+def test_a_level_without_any_result_makes_the_rate_unknown():
+    hits = outcomes()
+    hits[:, :, 6] = np.nan
+    of = rates(hits)
+    assert math.isnan(of.without_pendulum.mean)
+    assert 0.0 < of.without_pendulum.low < of.without_pendulum.high < math.inf
+    assert math.isnan(of.ratio.mean)
+    said = str(of)
+    assert said.count("at an unknown annual rate") == 2
+    assert "in no run" not in said
+    assert "nan" not in said
 
 
 def test_the_text_states_return_period_ratio_and_probability():

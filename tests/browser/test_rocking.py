@@ -146,10 +146,11 @@ def test_the_restitution_in_the_browser_is_housners():
 
 
 @needs_node
-def test_the_force_in_the_rod_satisfies_newtons_law_for_the_bob():
+@pytest.mark.parametrize("kappa", [2.0, 1.2, 3.0])
+def test_the_force_in_the_rod_satisfies_newtons_law_for_the_bob(kappa):
     """Newton's law for the bob, from its place: the second difference of the place in time."""
     p, start = SCENES["with a pendulum, friction"]
-    q, h = plain(p), 1e-3
+    q, h = plain(replace(p, kappa=kappa)), 1e-3
     tau = 0.37 * float(p.period)
     times = [tau - h, tau, tau + h]
     follow = """({ p, start, times }) => {
@@ -161,12 +162,12 @@ def test_the_force_in_the_rod_satisfies_newtons_law_for_the_bob():
     assert before["side"] == now["side"] == after["side"] != 0
 
     def place(state):
-        # In half heights, from the corner about which the block turns.
+        # In heights of the centroid, from the corner about which the block turns.
         (phi, psi, *_), s = state["y"], state["side"]
         hinge = np.array(
             [
-                -s * q["nu"] * np.cos(phi) + 2.0 * np.sin(phi),
-                s * q["nu"] * np.sin(phi) + 2.0 * np.cos(phi),
+                -s * q["nu"] * np.cos(phi) + kappa * np.sin(phi),
+                s * q["nu"] * np.sin(phi) + kappa * np.cos(phi),
             ]
         )
         return hinge + q["lam"] * np.array([-np.sin(psi), -np.cos(psi)])

@@ -185,6 +185,24 @@ def test_a_block_that_carries_its_bob_has_the_moments_of_both_about_its_edge():
     assert moment(stuck) == pytest.approx(moment(block) + 3.0 * (a**2 + high**2), rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("own", "bob"),
+    [
+        ({"friction": 0.249}, {"length": 0.05}),
+        ({"centroid_height": 0.36, "radius_of_gyration": 0.08}, {"length": 0.02}),
+        ({"centroid_height": 0.3, "radius_of_gyration": 0.08, "frame_width": 0.2}, {"hinge_height": 0.79}),
+    ],
+)
+def test_a_block_at_the_end_of_its_range_can_carry_a_bob(own, bob):
+    block = Block(**BLOCK | own)
+    pendulum = Pendulum(**{"mass": 8.0, "length": 0.1, "damping_ratio": 0.1} | bob)
+    stuck = block.carrying(pendulum)
+    # The contact has the same moment of friction with a bob that swings and with one that is held.
+    moment = stuck.friction * stuck.mass * stuck.centroid
+    assert moment == pytest.approx(block.friction * block.mass * block.centroid, rel=1e-14)
+    assert stuck.mass * stuck.centroid > block.mass * block.centroid
+
+
 def test_housners_restitution_includes_the_mass_of_the_bob():
     block = Block(**BLOCK, restitution="housner")
     with_it = Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1)

@@ -37,8 +37,8 @@ _LARGE_SHARE = 0.1
 class AnnualRates(Printed, Cases):
     """Annual rates of overturning without a pendulum and, if there is one, with it.
 
-    A rate counts the runs with a result. Its interval has the rates that the other runs allow. With fewer
-    than 5 earthquakes all intervals are 0 to infinity.
+    A rate counts the runs with a result, and is NaN if a stratum has none. Its interval has the rates that
+    the other runs allow. With fewer than 5 earthquakes all intervals are 0 to infinity.
     """
 
     hazard: Hazard
@@ -99,7 +99,9 @@ class AnnualRates(Printed, Cases):
         # A high rate means few years, so the ends change places.
         ends = (1.0 / x if x else math.inf for x in (rate.high, rate.low))
         years = Interval(self.years[i], *ends)
-        if not 0.0 < rate.mean < math.inf:
+        if math.isnan(rate.mean):
+            return f"at an unknown annual rate{name}, because a level has no result (years: {_words(years)})"
+        if rate.mean == 0.0:
             return f"in no run{name} (years: {_words(years)})"
         share = f"{percent(self.in_50_years[i], 1)} in 50 years"
         return f"once in {number(years.mean, 3)} years{name} ({_words(years)}, {share})"
@@ -163,7 +165,8 @@ def rates_of_outcomes(hazard: Hazard, edges: np.ndarray, hits: np.ndarray, quake
     exceeding = hazard.exceeding(edges)
     weights = np.append(-np.diff(exceeding)[:-1], exceeding[-2])
     answered = np.isfinite(hits)
-    shares = np.where(answered, hits, 0.0).sum(axis=1) / np.maximum(answered.sum(axis=1), 1)
+    with np.errstate(invalid="ignore"):
+        shares = np.where(answered, hits, 0.0).sum(axis=1) / answered.sum(axis=1)
     # Lowest and highest annual rate of each motion, according to the runs without a result.
     of_motions = np.concatenate([np.nan_to_num(hits, nan=x) @ weights for x in (0.0, 1.0)])
     sums, sizes = added_up(of_motions.T, quakes), added_up(np.ones(len(quakes)), quakes)

@@ -200,15 +200,17 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
             if name == "impact_loss":
                 # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss
                 # 1 - e of the block instead, and fix the resulting e.
-                other = replace(block, restitution=max(1.0 - (1.0 - e) * (1.0 + share), 0.0))
-                yield varied._replace(scene=replace(scene, block=other))
+                own = {"restitution": 1.0 - (1.0 - e) * (1.0 + share)}
             elif name == "centroid":
                 # The radius of gyration stays as it is.
-                own = {"radius_of_gyration": float(block.gyration)}
-                other = replace(block, centroid_height=float(block.centroid) * (1.0 + share), **own)
-                yield varied._replace(scene=replace(scene, block=other))
+                own = {"centroid_height": float(block.centroid) * (1.0 + share)}
+                own["radius_of_gyration"] = float(block.gyration)
             else:
                 yield varied._replace(more=Conditions({name: np.array([1.0 + share])}))
+                continue
+            # A block at the end of the range of the equations has no variation beyond it.
+            with suppress(ValueError):
+                yield varied._replace(scene=replace(scene, block=replace(block, **own)))
     for name, other in loss_models(scene).items():
         if other != block:
             size = f"k = {number(float(other.friction), 3)}, e = {number(float(other.velocity_ratio), 4)}"
@@ -279,9 +281,9 @@ def _failures(problem: Problem, best: Validation) -> Iterator[Variation]:
         return
     # Few pendulums are maintained for decades. Neither failure needs a model: a stuck hinge makes one block,
     # and without a damper only friction and air remain.
-    stuck = problem.scene.block.carrying(best.pendulum)
-    words = "hinge stuck"
-    yield Variation("failure", "hinge", words=words, scene=replace(problem.scene, block=stuck))
+    with suppress(ValueError):
+        stuck = problem.scene.block.carrying(best.pendulum)
+        yield Variation("failure", "hinge", words="hinge stuck", scene=replace(problem.scene, block=stuck))
     if (zeta := float(best.pendulum.damping_ratio)) > _NO_DAMPER:
         none = Conditions({"damping": np.array([_NO_DAMPER / zeta])})
         words = f"damper lost ({_NO_DAMPER:g})"

@@ -276,8 +276,8 @@ export class Motion {
     const { c, y, tau, side } = this, [phi, psi, rate, bobRate] = y;
     const [, , turning] = this.rates(y, tau), sin = Math.sin(phi), cos = Math.cos(phi);
     // Acceleration of the hinge, which moves about the corner of the base; lengths are in heights of the centroid.
-    const across = side * c.nu * (sin * turning + cos * rate ** 2) + 2 * (cos * turning - sin * rate ** 2);
-    const upwards = side * c.nu * (cos * turning - sin * rate ** 2) - 2 * (sin * turning + cos * rate ** 2);
+    const across = side * c.nu * (sin * turning + cos * rate ** 2) + c.kappa * (cos * turning - sin * rate ** 2);
+    const upwards = side * c.nu * (cos * turning - sin * rate ** 2) - c.kappa * (sin * turning + cos * rate ** 2);
     // In tau, g is one height of the centroid over rho.
     return (c.rho * across + this.load(tau)) * Math.sin(psi) + (c.rho * upwards + 1) * Math.cos(psi)
       + c.rho * c.lam * bobRate ** 2;

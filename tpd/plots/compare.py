@@ -1,4 +1,4 @@
-"""Pictures that compare a block with and without its pendulum: benefit."""
+"""The picture of the benefit: validation runs with and without the pendulum."""
 
 from __future__ import annotations
 

@@ -225,6 +225,9 @@ def if_a_part_fails(details: Details) -> str:
         x = of.runs.change(name)
         kind = "more" if x.low > 0.0 else "fewer" if x.high < 0.0 else "no significant difference"
         parts.append(f"{of.words}, {percent(x.with_pendulum, 1)} ({kind})")
+    # A held bob can make the block too wide for its centroid.
+    if all(of.name != "hinge" for of in failures):
+        parts.append("hinge stuck, not simulated: that block is outside of the range of the equations")
     without = percent(failures[0].runs.change(name).without_pendulum, 1)
     return f"{name}: {'; '.join(parts)}; without a pendulum {without}"
 

@@ -263,7 +263,11 @@ class Block:
         mass = self.mass + pendulum.mass
         z = (self.mass * self.centroid + pendulum.mass * bob) / mass
         square = self.mass * (self.gyration**2 + (self.centroid - z) ** 2) + pendulum.mass * (bob - z) ** 2
-        return replace(self, mass=mass, centroid_height=z, radius_of_gyration=(square / mass) ** 0.5)
+        own = {"mass": mass, "centroid_height": z, "radius_of_gyration": (square / mass) ** 0.5}
+        # The height only bounds the place of the mass. The moment of friction k M g b stays as it is.
+        high, k = self.height, self.friction * self.mass * self.centroid / (mass * z)
+        high = high if checks.is_traced(z) else np.maximum(np.maximum(high, bob), z / CENTROIDS[1])[()]
+        return replace(self, height=high, friction=k, **own)
 
     def widened(self, factor: Real) -> Block:
         """Return the block with a base that is wider by a factor, for example 1.1 for 10 %.
