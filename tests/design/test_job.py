@@ -176,6 +176,24 @@ def test_records_on_a_building_keep_the_intensity_of_the_ground():
         jobs.job_of({"excitation": RECORDS, "site": {"building_damping": 0.1}})
 
 
+OWN = {"width": 1.0, "height": 6.0, "mass": 9000.0}
+CAVITY = {"block": OWN | {"cavity_width": 0.6}, "space": {"hinge_height": 5.0}}
+FRAME = {"block": OWN, "frame": {"width": 1.2, "height": 7.0}}
+
+
+def test_an_option_for_the_frame_replaces_the_cavity_of_a_file_and_the_other_way_round():
+    shaking = {"excitation": {"amplitude": 0.1, "frequency": 0.6}}
+    merged, full = jobs.merge_tables(CAVITY | shaking, {"frame": FRAME["frame"]})
+    block, space = (job := jobs.job_of(merged, full)).block, job.space
+    assert (block.cavity_width, block.frame_width, space.hinge_height) == (None, 1.2, 7.0)
+    block = jobs.job_of(*jobs.merge_tables(FRAME | shaking, {"block": {"cavity_width": 0.5}})).block
+    assert (block.cavity_width, block.frame_width) == (0.5, None)
+    # Both in one place are a contradiction, which nobody can resolve.
+    for other in ({"block": {"cavity_width": 0.5}}, {"space": {"hinge_height": 5.0}}):
+        with pytest.raises(ValueError, match="must not be stated with"):
+            jobs.job_of(*jobs.merge_tables(shaking | {"block": OWN}, {"frame": FRAME["frame"]} | other))
+
+
 def test_the_keys_of_a_job_determine_the_kind_of_excitation():
     assert jobs.job_of({}).kind == "harmonic"
     pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})

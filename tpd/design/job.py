@@ -688,10 +688,13 @@ def merge_tables(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tabl
         others = {k: x for k, x in out.get(table, {}).items() if table != "space" or k not in replaced}
         out[table] = others | dict(values)
     # The bob swings in a cavity or in a frame: an option for one of them replaces the other in the file.
-    if "frame" in over and "cavity_width" not in over.get("block", {}):
-        out.get("block", {}).pop("cavity_width", None)
-    elif "cavity_width" in over.get("block", {}) and "frame" not in over:
-        out.pop("frame", None)
+    if "frame" not in over:
+        if "cavity_width" in over.get("block", {}):
+            out["frame"] = {}
+    else:
+        for table, key in (("block", "cavity_width"), ("space", "hinge_height")):
+            if key not in over.get(table, {}):
+                out.get(table, {}).pop(key, None)
     if "seed" in over.get("search", {}):
         # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)

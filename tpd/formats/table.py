@@ -407,7 +407,8 @@ def _channels(
         raise UnreadableRecord(wrong)
     for i in times:
         unit = columns[i].unit
-        step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
+        remedy = f"leave them out of {called('columns')} and give {called('dt')}"
+        step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step, remedy)
         if unit is None and step > _LONGEST_STEP:
             remedy = f"name them 'time (s)' or 'time (ms)' in {called('columns')}"
             raise UnreadableRecord(f"times with steps of {step:g} need a unit: {remedy}")

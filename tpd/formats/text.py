@@ -165,13 +165,14 @@ def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
             raise UnreadableRecord(f"{wrong}: {remedy}")
 
 
-def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None) -> float:
+def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None, remedy: str) -> float:
     """Return the step (s) of equally spaced times, each rounded to its printed digits.
 
     Args:
         times: pairs of a line number and a text.
         scale: seconds per unit of the times.
         stated: step in s; None if neither the file nor the user states it.
+        remedy: words for the options that help if the times have too few digits.
     """
     t = scale * numbers(times)
     i = np.arange(1, len(t))
@@ -204,7 +205,6 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
             raise UnreadableRecord(f"the times must have equal steps, but {where} is {step_text}")
         # With coarse times a missing time would not be noticed, and several rates in Hz may be possible.
         if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
-            remedy = "leave them out of the option `columns`, and give `dt`"
             raise UnreadableRecord(f"the times have too few digits to show equal steps: {remedy}")
         # Prefer a step that is a whole rate in Hz, then the one with the fewest digits.
         rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
