@@ -235,7 +235,9 @@ def plot_motions(
         if overturns and is_shown.any():
             at = time[is_shown][-1], tilt[is_shown][-1]
             tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
-            tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=SMALL)
+            # Near the right end the word would lie on the axis of degrees.
+            side, place = (-8, "right") if at[0] > 0.8 * last else (6, "left")
+            tilts.annotate("overturns", at, (side, -4), textcoords="offset points", fontsize=SMALL, ha=place)
         if swing is not None:
             axes[first + 1].plot(time, np.where(is_shown, swing, np.nan), **style | {"label": None})
     largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=0.0)) for line in tilts.lines)

@@ -140,14 +140,14 @@ def _refused(design: Design) -> Iterator[Row]:
 
 def _facts(design: Design, details: Details) -> Iterator[Row]:
     """Yield what the benefit depends on, and what the runs leave out."""
-    if design.runs is not None:
-        yield "annual rate", ". ".join(design.problem.yearly(design.runs.annual_rates)[:1])
-    yield "depends on", depends_on(details, words.range_of_mass(design))
+    # The last rows are the first that a long answer leaves out.
     yield "part fails", if_a_part_fails(details)
+    yield "depends on", depends_on(details, words.range_of_mass(design))
     if design.runs is not None:
         needed = design.sliding.needed if design.sliding else math.nan
         friction = "sliding" if math.isnan(needed) else f"sliding (needs friction {number(needed, 2)})"
         yield "not simulated", f"{friction}, wall contact, vertical shaking, the second direction"
+        yield "annual rate", ". ".join(design.problem.yearly(design.runs.annual_rates)[:1])
 
 
 def rows_of(design: Design, details: Details) -> Iterator[Row]:
