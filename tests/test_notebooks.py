@@ -11,7 +11,7 @@ import pytest
 from tests.notebooks import DONE, NOTEBOOKS
 
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=[path.stem for path in NOTEBOOKS])
-LARGEST = 800_000
+LARGEST = 600_000
 """Bytes of a notebook file, pictures included."""
 
 
