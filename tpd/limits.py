@@ -83,7 +83,7 @@ class Requirements:
     reduce: Measure | None = None
     """Quantity that the pendulum must reduce: "overturning" (share of runs that overturn), "tilt" (mean tilt;
     a run that overturns counts as 1), or "rate" (annual rate of overturning under ground motions, which needs
-    a hazard and at least three levels). Default: overturning if the block overturns in at least 1 % of the
+    a hazard and at least two levels). Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import tpd
+from tests.designs import paired
 from tests.report.conftest import DESIGNS, SCENE, details, ground, harmonic, tuned
 from tpd.design.as_built import Details
+from tpd.design.variations import Dependence
 from tpd.report.blocks import Severity
 from tpd.report.notes import notes, overturns_more, wall_contacts
 from tpd.scene.status import Status, code_of
@@ -39,6 +41,23 @@ def changed(design=None, exact=None, **more):
         )
     best = dataclasses.replace(best, **more)
     return dataclasses.replace(design, validated=(*design.validated[:-1], best))
+
+
+@pytest.mark.parametrize(
+    ("measure", "stuck", "expected"),
+    [
+        ("overturning", np.where(np.arange(400) < 120, np.inf, 0.3), "MORE RUNS OVERTURN"),
+        ("overturning", np.full(400, 0.5), ""),
+        ("tilt", np.full(400, 0.5), "THE MEAN TILT IS LARGER"),
+        ("tilt", np.full(400, 0.2), ""),
+    ],
+)
+def test_a_failed_part_is_a_danger_if_it_is_worse_than_no_pendulum_by_what_decides(measure, stuck, expected):
+    alone = np.where(np.arange(400) < 20, np.inf, 0.3)
+    row = Dependence("failure", "hinge", 0.0, "hinge stuck", paired(stuck, alone), measure, None)
+    found = [n for n in notes(harmonic(), Details(variations=(row,))) if "A PART FAILS" in n.text]
+    assert [n.severity for n in found] == ([Severity.danger] if expected else [])
+    assert all(f"(HINGE STUCK), {expected} THAN WITHOUT A PENDULUM: " in n.text for n in found)
 
 
 def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():

@@ -278,7 +278,8 @@ class _Conditions(msgspec.Struct):
 
 class _Starts(msgspec.Struct):
     kind: Annotated[Literal["any", "rest"], Key(kinds=_HARMONIC)] = "any"
-    """Initial states: any (the largest stable motion), or rest (wherever rest is possible)."""
+    """Initial states: any (the largest stable motion), or rest (wherever rest is possible;
+    `--from-rest`)."""
 
 
 class _Search(msgspec.Struct):

@@ -49,13 +49,16 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
 
 
 def _failures(details: Details) -> Iterator[Note]:
-    """Yield a danger for each part whose failure makes the block overturn more often than no pendulum."""
+    """Yield a danger for each part whose failure makes the block overturn more often than no pendulum or, if
+    a smaller tilt is required, makes its mean tilt larger."""
     for of in details.of("failure"):
-        x = of.runs.change("overturned")
-        if x.low > 0.0:
+        names = ["overturned", *(["mean tilt"] if of.measure == "tilt" else [])]
+        if worse := [(name, x) for name in names if (x := of.runs.change(name)).low > 0.0]:
+            name, x = worse[0]
+            what = "MORE RUNS OVERTURN" if name == "overturned" else "THE MEAN TILT IS LARGER"
             shares = (percent(share, 1) for share in (x.with_pendulum, x.without_pendulum))
             yield danger(
-                f"IF A PART FAILS ({of.words.upper()}), MORE RUNS OVERTURN THAN WITHOUT A PENDULUM: "
+                f"IF A PART FAILS ({of.words.upper()}), {what} THAN WITHOUT A PENDULUM: "
                 "{} against {}. Maintain this part, and inspect it.".format(*shares)
             )
 
