@@ -6,7 +6,7 @@ import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from tpd.design.space import HEAVIEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
+from tpd.report.json import json_of
 from tpd.scene.impacts import heaviest_of_housner, housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
@@ -70,29 +71,6 @@ _SCALES = 0.1, 5.0
 """Range of the slider of the factor on a ground motion."""
 
 
-class Validation(NamedTuple):
-    """A validated design as the page needs it."""
-
-    design: np.ndarray
-    """(mu, lam, zeta)."""
-    pendulum: Pendulum
-    runs: Mapping[str, Any] | None
-    """Summary of the paired runs that the report quotes, with the keys of design.json; None without runs."""
-    sentences: list[str]
-    """Reasons against the design."""
-
-
-class Answer(NamedTuple):
-    """Answer of `optimise` as the page needs it; empty for a job or a scene."""
-
-    verdict: str = ""
-    pendulum: Pendulum | None = None
-    """Recommended pendulum; None where no pendulum is recommended."""
-    validations: tuple[Validation, ...] = ()
-    equivalent: Any = None
-    """Least and largest (mu, lam, zeta) of designs that perform equally well, shape (2, 3), or None."""
-
-
 def content(subject: Subject) -> dict[str, Any]:
     """Return everything that the page holds, ready for JSON.
 
@@ -106,7 +84,8 @@ def content(subject: Subject) -> dict[str, Any]:
     checks.require_x64()
     checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
     problem, answer = _problem_and_answer(subject)
-    start = _first_pendulum(problem, answer)
+    start, stated = _first_pendulum(problem, answer), answer.get("pendulum")
+    pendulum = stated and Pendulum(**stated)
     # Each limit that the page evaluates has one number, or none: then its name is enough.
     values = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
     limits = {
@@ -115,49 +94,31 @@ def content(subject: Subject) -> dict[str, Any]:
     out = {
         "version": tpd.__version__,
         "title": (problem.job and problem.job.full["project"]["name"]) or "",
-        "verdict": answer.verdict,
+        "verdict": answer.get("verdict") or "",
         "scene": block_numbers(problem),
         "limits": limits,
         "other_limits": sorted(values.keys() - limits.keys()),
         "limit_labels": LABELS,
         "still": STILL,
         "space": dict(zip(_QUANTITIES, _space(problem).tolist(), strict=True)),
-        "recommended": None if answer.pendulum is None else _values_of(answer.pendulum),
+        "recommended": pendulum and _values_of(pendulum),
         "runs": list(_stored_runs(problem, answer)),
         "no_runs": [(*row, "not simulated", _NO_RUNS) for row in _RUN_ROWS],
     }
     # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
     if isinstance(problem, HarmonicProblem):
-        return out | _harmonic(problem, start, answer.pendulum)
+        return out | _harmonic(problem, start, pendulum)
     return out | _ground_motion(problem, start)
 
 
-def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
-    """Problem of a subject, and what is known of its answer."""
-    match subject:
-        case Design():
-            validations = tuple(
-                Validation(v.design, v.pendulum, v.runs and v.runs.summary(), [*v.refusals])
-                for v in subject.validated
-            )
-            more = subject.pendulum, validations, subject.equivalent
-            return subject.problem, Answer(subject.status.value, *more)
-        case StoredDesign():
-            # The file has the same numbers as a design, under the names of the fields.
-            validations = tuple(
-                Validation(
-                    design=np.array(v["design"]),
-                    pendulum=Pendulum(**v["pendulum"]),
-                    runs=v["reported_runs"] or v["deciding_runs"],
-                    sentences=[reason["sentence"] for reason in v["reasons"]],
-                )
-                for v in subject.content.get("validated", ())
-            )
-            verdict, equivalent = (subject.content.get(name) for name in ("verdict", "equivalent"))
-            answer = Answer(verdict or "", subject.pendulum, validations, equivalent)
-            return problem_of(subject.job), answer
-        case _:
-            return problem_of(subject), Answer()
+def _problem_and_answer(subject: Subject) -> tuple[Problem, dict[str, Any]]:
+    """Problem of a subject, and its answer under the keys of design.json; empty for a job or a scene."""
+    if isinstance(subject, StoredDesign):
+        return problem_of(subject.job), subject.content
+    if not isinstance(subject, Design):
+        return problem_of(subject), {}
+    answer = {name: getattr(subject, name) for name in ("pendulum", "validated", "equivalent")}
+    return subject.problem, json_of(answer | {"verdict": subject.status.value})
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
@@ -196,13 +157,12 @@ def _space(problem: Problem) -> np.ndarray:
     return problem.space.ends.T * np.array([[float(block.mass)], [float(block.centroid)], [1.0]])
 
 
-def _first_pendulum(problem: Problem, answer: Answer) -> Pendulum:
+def _first_pendulum(problem: Problem, answer: Mapping[str, Any]) -> Pendulum:
     """Pendulum with which the page begins: the recommended one, else the last one that was validated, else
     one in the middle of the space of the search."""
-    if answer.pendulum is not None:
-        return answer.pendulum
-    if answer.validations:
-        return answer.validations[-1].pendulum
+    for stored in (answer, *reversed(answer.get("validated") or ())):
+        if stored.get("pendulum"):
+            return Pendulum(**stored["pendulum"])
     low, high = _space(problem).T
     # Ratios span decades: their geometric mean is in the middle.
     mass, length = np.sqrt(low * high)[:2].tolist()
@@ -332,31 +292,36 @@ def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]
     return controls
 
 
-def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
+def _stored_runs(problem: Problem, answer: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Validation runs of each validated design, with the range of the pendulum in which they hold."""
     block = problem.scene.block
     si = np.array([float(block.mass), float(block.centroid), 1.0])
-    for i, (design, _, runs, sentences) in enumerate(answer.validations):
+    validated, equivalent = answer.get("validated") or (), answer.get("equivalent")
+    for v in validated:
         # A limit that needs no run can reject a design before its runs.
-        if runs is None:
+        if (runs := v["reported_runs"] or v["deciding_runs"]) is None:
             continue
+        design = np.array(v["design"])
         low, high = design * (1.0 - _DISTANCES), design * (1.0 + _DISTANCES)
         # The tolerance range is that of the recommended design, which is the last one.
-        if answer.equivalent is not None and i == len(answer.validations) - 1:
-            low, high = np.asarray(answer.equivalent)
+        if equivalent is not None and v is validated[-1]:
+            low, high = np.array(equivalent)
         yield {
             "low": (np.minimum(low, design) * si).tolist(),
             "high": (np.maximum(high, design) * si).tolist(),
-            "rows": _rows(runs, sentences),
+            "rows": _rows(runs, [reason["sentence"] for reason in v["reasons"]]),
         }
 
 
 def _rows(runs: Mapping[str, Any], sentences: Sequence[str]) -> list[tuple[str, ...]]:
     """Return names, labels, texts and sources of the rows on validation runs."""
-    # In memory the parts of a summary are objects, and in a file they are dictionaries.
-    benefit, changes = _fields(runs["benefit"]), {c["name"]: c for c in map(_fields, runs["changes"])}
+    # A file has words for the numbers that JSON does not have.
+    benefit, *changes = (
+        {key: _NUMBERS.get(x, x) for key, x in part.items()} for part in (runs["benefit"], *runs["changes"])
+    )
+    by_name = {change["name"]: change for change in changes}
     # Changes count the runs of the description. The summaries of both cases count all runs.
-    overturned, mean = changes["overturned"], changes["mean tilt"]
+    overturned, mean = by_name["overturned"], by_name["mean tilt"]
     shares, tilts = ([c[f"{case}_pendulum"] for case in ("with", "without")] for c in (overturned, mean))
     fell = f"{percent(benefit['mean'])} {confidence(benefit['low'], benefit['high'])}"
     fell = "unknown" if math.isnan(benefit["mean"]) else fell
@@ -369,11 +334,3 @@ def _rows(runs: Mapping[str, Any], sentences: Sequence[str]) -> list[tuple[str, 
     ]
     verdict = " ".join(sentences) or "no reason against this design"
     return [*rows, ("validation", "Validation", verdict, "validation runs")]
-
-
-def _fields(x: Any) -> dict[str, Any]:
-    """Fields of a dictionary, a tuple with names, or a dataclass."""
-    if isinstance(x, dict):
-        # A file has words for the numbers that JSON does not have.
-        return {key: _NUMBERS.get(value, value) for key, value in x.items()}
-    return x._asdict() if hasattr(x, "_asdict") else dict(vars(x))
