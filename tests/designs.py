@@ -83,7 +83,6 @@ class NoisyProblem(Problem):
     without a pendulum is 0.6. Most of the noise is common to all designs with the same seed."""
 
     attempts: ClassVar[int] = 3
-    has_validation_runs: ClassVar[bool] = True
     has_earthquakes: ClassVar[bool] = False
     excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
     scope: ClassVar[str] = "noise"  # type: ignore[misc]

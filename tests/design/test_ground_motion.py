@@ -73,7 +73,7 @@ def test_the_conditions_of_a_problem_contain_the_search_records_only():
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
     assert made.scene.excitation is tuned.motions[0]
-    assert (made.attempts, made.has_validation_runs, made.allowed) == (2, False, 0.1)
+    assert (made.attempts, made.has_earthquakes, made.allowed) == (2, True, 0.1)
     again = GroundMotionProblem.of(
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
     )

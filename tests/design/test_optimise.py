@@ -235,7 +235,7 @@ class Quakes(NoisyProblem):
     """Ground motions: the first validated designs exceed the stroke limit. `method` is their number."""
 
     attempts = 2
-    has_validation_runs = False
+    has_earthquakes = True
     retries = GroundMotionProblem.retries
     helps = True
 

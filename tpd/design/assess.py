@@ -186,7 +186,7 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
     if problem.needs_none is not None:
         return Assessment(problem=problem, stated=None, runs=None)
     # These seeds are those of the first validation runs that `optimise` and `check` quote.
-    seed = run_seed(problem, 0, int(problem.has_validation_runs))
+    seed = run_seed(problem, 0, int(not problem.has_earthquakes))
     motions = problem.stated_motions
     stated = follow_scaled(
         problem.scene.block,

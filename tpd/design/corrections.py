@@ -22,7 +22,6 @@ from tpd.design.search import Search, best_apart, merit_of, polish, search
 from tpd.design.settings import Descent
 from tpd.design.sizes import evaluate_sizes
 from tpd.design.trials import Trials
-from tpd.limits import STILL
 from tpd.theory.equations import Terms
 
 _SPREAD, _DRAWS = 24, 512
@@ -126,11 +125,10 @@ class Corrections:
         keep, plus the allowance of the limit, by name; NaN if the block survives in too few runs."""
         share, out = _QUANTILE if i < self.cheap else self.problem.safe_level, {}
         for name, x in self.problem.sizes_in_runs(self.designs[i], runs or self.runs[i]).items():
-            if name not in STILL:
-                # An unknown quantity counts as far beyond its limit.
-                x = np.nan_to_num(x, nan=_UNKNOWN_SIZE, posinf=_UNKNOWN_SIZE)
-                size = np.quantile(x, share) if len(x) >= _LEAST_COUNT else np.nan
-                out[name] = float(np.log(np.maximum(size, _LEAST_SIZE))) + self.allowance.get(name, 0.0)
+            # An unknown quantity counts as far beyond its limit.
+            x = np.nan_to_num(x, nan=_UNKNOWN_SIZE, posinf=_UNKNOWN_SIZE)
+            size = np.quantile(x, share) if len(x) >= _LEAST_COUNT else np.nan
+            out[name] = float(np.log(np.maximum(size, _LEAST_SIZE))) + self.allowance.get(name, 0.0)
         return out
 
     def _excess(self, i: int) -> float:
@@ -229,26 +227,14 @@ class Corrections:
         """Return all designs with runs as a table: those that keep the limits first, the last one of them
         before the others."""
         problem, designs = self.problem, np.array(self.designs)
-        columns, of_runs = dict(problem.fixed_sizes(designs)), list(map(self._sizes, range(len(designs))))
+        limited, of_runs = dict(problem.fixed_sizes(designs)), list(map(self._sizes, range(len(designs))))
         for name in of_runs[0]:
             # Without surviving runs the quantity is unknown, and the design does not keep the limit.
-            columns[name] = np.maximum(columns[name], np.exp([s[name] for s in of_runs]))
-        sizes = np.column_stack([np.empty((len(designs), 0)), *columns.values()])
+            limited[name] = np.maximum(limited[name], np.exp([s[name] for s in of_runs]))
         value = np.array([problem.value_of(runs) for runs in self.runs])
-        counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
-        overturned, unanswered, runs = np.array(counts, dtype=float).T
-        feasible = np.all(sizes <= 1.0 + _TOLERANCE, axis=1)
+        feasible = np.all([np.ones(len(designs)), *(x <= 1.0 + _TOLERANCE for x in limited.values())], axis=0)
         # The last correction is the best estimate, so it comes first among those that keep the limits.
         order = np.lexsort((np.arange(len(designs))[::-1], ~feasible))
-        return Trials(
-            designs=designs[order],
-            value=value[order],
-            trend=value[order],
-            names=tuple(columns),
-            sizes=sizes[order],
-            overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
-            undecided=unanswered.astype(int)[order],
-            feasible=feasible[order],
-            without_pendulum=problem.value_of(self.without),
-            risk=None,
-        )
+        more = {"designs": designs, "value": value, "trend": value, "feasible": feasible, "risk": None}
+        without = problem.value_of(self.without)
+        return Trials.of(order, self.runs, limited, without_pendulum=without, **more)

@@ -19,7 +19,7 @@ from tpd.design.search import Search
 from tpd.design.space import DesignSpace
 from tpd.design.trials import Trials
 from tpd.design.validate import Validation
-from tpd.limits import LABELS, STILL, stroke_limit
+from tpd.limits import LABELS, stroke_limit
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.no_uplift import Sliding
@@ -282,10 +282,6 @@ class Design(Printed):
         usage = {name: float(x[0]) for name, x in problem.fixed_sizes(design[None]).items()}
         if self.best.own_runs is not None:
             for name, x in problem.sizes_in_runs(design, self.best.own_runs).items():
-                if name in STILL:
-                    # Mass and size of the body vary between the runs, but this scatter is not a motion
-                    # towards the limit.
-                    continue
                 usage[name] = float(np.maximum(usage.get(name, 0.0), problem.reached(x)))
         limits = {limit.name: limit for limit in problem.limits}
         return {name: limits[name].utilisation(x) if name in limits else x for name, x in usage.items()}

@@ -17,7 +17,6 @@ from tpd.answers.run_table import Runs
 from tpd.answers.statistics import quantile_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem
-from tpd.limits import STILL
 from tpd.scene.scene import Pendulum
 
 _DAMPING = 0.3
@@ -84,9 +83,9 @@ def rule_of_thumb(problem: Problem, progress: Progress = unreported) -> np.ndarr
         nonlocal runs
         progress("rule of thumb", runs := runs + 1, _STEPS + 2)
         of = problem.validation_runs(design, problem.run_seed(1, 1))
-        sizes = {n: x for n, x in problem.sizes_in_runs(design, of).items() if n not in STILL}
+        sizes = problem.sizes_in_runs(design, of).values()
         # A quantity that is unknown is no limit that is kept.
-        return all(len(x) and quantile_of(x, problem.safe_level) <= 1.0 for x in sizes.values())
+        return all(len(x) and quantile_of(x, problem.safe_level) <= 1.0 for x in sizes)
 
     # A guess that is also the one for a bob at rest does not depend on the assumed angle.
     if at_rest is None or (guess is not None and np.array_equal(guess, at_rest) and keeps(guess)):

@@ -113,7 +113,6 @@ class GroundMotionProblem(Problem):
         "validation_share": None,
     }
     has_earthquakes: ClassVar[bool] = True
-    has_validation_runs: ClassVar[bool] = False
     usual_contacts: ClassVar[float] = 0.1
     begin_of_runs: ClassVar[str] = "Runs from rest with"
 
@@ -280,11 +279,6 @@ class GroundMotionProblem(Problem):
         pga = min(float(stated[i].pga) for i in rows) / STANDARD_GRAVITY
         least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
         return f"pulses overturn the block from {least} on, in {len(rows)} of {len(runs.nu)} runs"
-
-    @property
-    def only_rule(self) -> bool:  # type: ignore[override]
-        """See `Problem.only_rule`."""
-        return self.method.method == "rule"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""

@@ -211,10 +211,6 @@ class HarmonicProblem(Problem):
         settled = filter(math.isfinite, [*exact.settled_swing, *exact.orbits.swing[0]])
         return float(max(settled, default=in_runs))
 
-    def least_margins(self, designs: np.ndarray) -> np.ndarray:
-        """See `Problem.least_margins`."""
-        return self.orbits.margins(designs).min(axis=1)
-
     def parameters(self, pendulum: Pendulum | None) -> Parameters:
         """See `Problem.parameters`."""
         return self.scene.parameters(pendulum)

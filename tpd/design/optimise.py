@@ -151,7 +151,7 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
     rule, every = None, problem.of_all
     if problem.has_earthquakes and (guess := rule_of_thumb(every, progress)) is not None:
         rule = validate(every, guess, progress=progress)
-    if problem.only_rule:
+    if getattr(problem.method, "method", "") == "rule":
         status = DesignStatus.none_feasible if rule is None else rule.status
         return Design(problem=problem, status=status, validated=() if rule is None else (rule,), rule=rule)
     how: dict[str, Any] = {"progress": progress, "crossed": _cross_fit(problem, progress)}

@@ -137,8 +137,6 @@ class Problem(ABC):
     """Reasons against a design after which another design is validated."""
     passing_status: ClassVar[DesignStatus] = DesignStatus.recommended
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
-    has_validation_runs: ClassVar[bool] = True
-    """Whether some validation runs take no part in the decision and are reported instead."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
@@ -156,14 +154,12 @@ class Problem(ABC):
     """Share of every limit on runs that trial runs leave unused."""
     pictures: ClassVar[tuple[str, ...]] = "landscape", "drawing", "benefit"
     """Pictures that `tpd.plot` can draw of a design."""
-    only_rule: ClassVar[bool] = False
-    """Whether the problem ends with the rule of thumb, without a search."""
     crossed: ClassVar[tuple[Any, ...]] = ()
     """For each group of cross-fitting the problem whose search does not use the group, and whether each
     validation run belongs to it; empty without cross-fitting."""
     has_earthquakes: ClassVar[bool]
-    """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, and a
-    share of them has an interval."""
+    """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, a
+    share of them has an interval, and the same runs decide and are reported."""
     begin_of_runs: ClassVar[str]
     """Words for the beginning of the validation runs without a pendulum."""
 
@@ -297,11 +293,6 @@ class Problem(ABC):
         """Return the bob angle (rad) of a drawing, from the exact motions and from the angle that is exceeded
         only in the allowed share of the validation runs."""
         return in_runs
-
-    def least_margins(self, designs: np.ndarray) -> np.ndarray:
-        """Return the smallest uplift margin of designs (m, 3) over all conditions, (m,); NaN if there is
-        none because no motion settles."""
-        return np.full(len(designs), np.nan)
 
     def parameters(self, pendulum: Pendulum | None) -> Parameters | None:
         """Return the dimensionless parameters, which exist only under harmonic excitation."""
@@ -570,12 +561,10 @@ class Problem(ABC):
         quantity, most = (size, 1.0) if limit is None else limit.quantity(size)
         return Reason(kind=ReasonKind.breaks_limit, limit=name, value=quantity, reference=most)
 
-    def sizes_in_runs(
-        self, design: np.ndarray, runs: Runs, limits: tuple[Limit, ...] | None = None
-    ) -> dict[str, np.ndarray]:
+    def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
         """Return limited quantities over their limits, by name, in each run in which the block stands.
 
-        By default all limits of single runs count.
+        Sizes such as the thickness do not depend on the motion: they are checked without runs.
         """
         stands, g = runs.stands, self.geometry
         nu, mu, lam = (np.asarray(x)[stands] for x in (runs.nu, runs.mu, runs.lam))
@@ -589,20 +578,17 @@ class Problem(ABC):
             length_factor=lam / design[1],
         )
 
-        def sizes(limit: Limit, before: str) -> dict[str, np.ndarray]:
+        out = dict[str, np.ndarray]()
+        for limit in self.run_limits:
+            # The bob must not touch the walls during the transient either: the clearance applies to the whole
+            # run. Every other limit applies to the settled motion.
+            before = "" if isinstance(limit, Clearance) else "settled_"
             angles = (getattr(runs, before + name) for name in ("tilt", "swing", "rod_angle"))
             tilt, swing, rod_angle = (x[stands][None] for x in angles)
             e = Evaluation.blank(1, len(nu))._replace(tilt=tilt / nu, swing=swing, rod_angle=rod_angle)
             every = evaluate_sizes([limit], e._replace(design=design[None]), own)
-            return {size.name: size.value[0] for size in every}
-
-        # The bob must not touch the walls during the transient either: the clearance applies to the whole
-        # run. Every other limit applies to the settled motion.
-        parts = [
-            sizes(x, "" if isinstance(x, Clearance) else "settled_")
-            for x in (self.run_limits if limits is None else limits)
-        ]
-        return {name: size for part in parts for name, size in part.items()}
+            out |= {size.name: size.value[0] for size in every if size.name not in STILL}
+        return out
 
     def reached(self, values: np.ndarray) -> float:
         """Return the value of a run that only the allowed share of the runs exceeds; NaN without runs."""
@@ -615,8 +601,7 @@ class Problem(ABC):
         The share counts the runs in which the block stands; it is NaN if there are none. A run whose limited
         quantity is unknown counts as one that exceeds the limit.
         """
-        # Sizes such as the thickness do not depend on the motion: they are checked without runs.
-        sizes = {n: ~(x <= 1.0) for n, x in self.sizes_in_runs(design, runs).items() if n not in STILL}
+        sizes = {name: ~(x <= 1.0) for name, x in self.sizes_in_runs(design, runs).items()}
         if not sizes or not runs.stands.any():
             return (np.nan if sizes else 0.0), ""
         shares = {name: float(np.mean(x)) for name, x in sizes.items()}

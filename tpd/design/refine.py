@@ -25,7 +25,6 @@ from tpd.core.progress import Progress
 from tpd.design.problem import Problem
 from tpd.design.trend import Trend, fit, least_values
 from tpd.design.trials import Trials
-from tpd.limits import STILL
 from tpd.theory.equations import Terms
 
 _BATCH = 8
@@ -145,10 +144,9 @@ class Refinement:
         level, spare = self.problem.safe_level, np.log1p(-self.problem.spare)
         out = dict[str, float]()
         for name, x in self.problem.sizes_in_runs(design, runs).items():
-            if name not in STILL:
-                # Sizes are positive and cover decades, so that their logarithms are smooth functions.
-                x = np.log(np.clip(np.nan_to_num(x, nan=_SIZES[1]), *_SIZES))
-                out[name] = float(np.quantile(x, level) - spare) if len(x) >= _LEAST_RUNS else np.nan
+            # Sizes are positive and cover decades, so that their logarithms are smooth functions.
+            x = np.log(np.clip(np.nan_to_num(x, nan=_SIZES[1]), *_SIZES))
+            out[name] = float(np.quantile(x, level) - spare) if len(x) >= _LEAST_RUNS else np.nan
         if rests > _LEAST_RESTS:
             out[_RESTS] = (1.0 - REST_LOSS) * rests - float(runs.share_at_rest.value)
         return out
@@ -327,30 +325,26 @@ class Refinement:
 
     def trials(self) -> Trials:
         """Return all trials as a table, best first."""
-        order, designs, names = self.order(), np.array(self.designs), tuple(self.fixed)
-        sizes = np.column_stack([np.empty((len(designs), 0)), *self.fixed.values()])
-        for column, name in zip(sizes.T, names, strict=True):
+        designs, limited = np.array(self.designs), dict[str, np.ndarray]()
+        # If no trend could be fitted, only the validation can show whether a design keeps the limits.
+        feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.merit is None))
+        for name, fixed in self.fixed.items():
             # The comparisons show by how much trials underestimate a quantity.
             more = self._shift(name) if name in self.limits else 0.0
             by_runs = [(1.0 - self.problem.spare) * np.exp(s.get(name, -np.inf) + more) for s in self.sizes]
-            np.maximum(column, by_runs, out=column)
-        # If no trend could be fitted, only the validation can show whether a design keeps the limits.
-        feasible = self.possible & ((self.excess(designs) <= 0.0) | (self.merit is None))
-        feasible &= np.isfinite(sizes).all(axis=1) | (self.merit is None)
+            limited[name] = np.maximum(fixed, by_runs)
+            feasible &= np.isfinite(limited[name]) | (self.merit is None)
         value = np.array([self.problem.value_of(runs) for runs in self.runs])
         risk = self._trend_of(value.tolist())
         trend = np.full(len(designs), np.nan) if risk is None else risk.at(self.at(designs))[0]
-        counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
-        overturned, unanswered, runs = np.array(counts, dtype=float).T
-        return Trials(
-            designs=designs[order],
-            value=value[order],
-            trend=trend[order],
-            names=names,
-            sizes=sizes[order],
-            overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
-            undecided=unanswered.astype(int)[order],
-            feasible=feasible[order],
+        return Trials.of(
+            self.order(),
+            self.runs,
+            limited,
+            designs=designs,
+            value=value,
+            trend=trend,
+            feasible=feasible,
             without_pendulum=self.problem.value_of(self.without),
             risk=risk,
             # A spline with a constant added to all values is the spline plus this constant.

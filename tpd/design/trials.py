@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from tpd.answers.run_table import Runs
 from tpd.design.trend import Trend
 
 
@@ -25,7 +28,7 @@ class Trials:
     """Limited quantities over their limits, (m, sizes): the value that only the allowed share of the standing
     runs exceeds; NaN if too few runs stand."""
     overturned: np.ndarray
-    """Share of the runs with a result that overturn, (m,)."""
+    """Share of the runs with a result that overturn, (m,); NaN if there are none."""
     undecided: np.ndarray
     """Number of runs without a result, (m,). All other columns leave these runs out."""
     feasible: np.ndarray
@@ -36,6 +39,24 @@ class Trials:
     """Trend of the risk over the logarithms of the design; None if too few runs have a result."""
     limits: dict[str, Trend] = field(default_factory=dict)
     """Trends of the logarithms of the limited quantities over their limits, by name."""
+
+    @staticmethod
+    def of(order: np.ndarray, runs: Sequence[Runs], limited: dict[str, np.ndarray], **more: Any) -> Trials:
+        """Return the table in an order of the designs.
+
+        Args:
+            order: indices of the designs.
+            runs: runs of each design.
+            limited: limited quantities over their limits, by name, each (m,).
+            more: other fields. Arrays are put into the order.
+        """
+        more |= {
+            "sizes": np.column_stack([np.empty((len(runs), 0)), *limited.values()]),
+            "overturned": np.array([x.share_overturned.value for x in runs]),
+            "undecided": np.array([x.is_unanswered.sum() for x in runs]),
+        }
+        sorted_ = {name: x[order] if isinstance(x, np.ndarray) else x for name, x in more.items()}
+        return Trials(names=tuple(limited), **sorted_)
 
     def best_without(self, *limits: str) -> int | None:
         """Return the index of the design of smallest trend that keeps all limits except those named, or

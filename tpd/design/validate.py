@@ -145,7 +145,7 @@ def validate(
         # A limit that the design breaks at rest is not reported a second time for the runs.
         exceeded = {reason.limit for reason in reasons if reason.limit}
         reasons += [r for r in by_runs if r.limit not in exceeded or not r.limit]
-    if decided is not None and not reasons and problem.has_validation_runs:
+    if decided is not None and not reasons and not problem.has_earthquakes:
         # The benefit of these runs is reported and must not be selected by its size: it only has to be
         # significant.
         quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress)

@@ -83,7 +83,13 @@ def content(subject: Subject) -> dict[str, Any]:
     """
     checks.require_x64()
     checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
-    problem, answer = _problem_and_answer(subject)
+    # The answer has the keys of design.json. It is empty for a job or a scene.
+    answer: Mapping[str, Any] = subject.content if isinstance(subject, StoredDesign) else {}
+    if isinstance(subject, Design):
+        problem, names = subject.problem, ("pendulum", "validated", "equivalent")
+        answer = json_of({n: getattr(subject, n) for n in names} | {"verdict": subject.status.value})
+    else:
+        problem = problem_of(subject.job if isinstance(subject, StoredDesign) else subject)
     start, stated = _first_pendulum(problem, answer), answer.get("pendulum")
     pendulum = stated and Pendulum(**stated)
     # Each limit that the page evaluates has one number, or none: then its name is enough.
@@ -109,16 +115,6 @@ def content(subject: Subject) -> dict[str, Any]:
     if isinstance(problem, HarmonicProblem):
         return out | _harmonic(problem, start, pendulum)
     return out | _ground_motion(problem, start)
-
-
-def _problem_and_answer(subject: Subject) -> tuple[Problem, dict[str, Any]]:
-    """Problem of a subject, and its answer under the keys of design.json; empty for a job or a scene."""
-    if isinstance(subject, StoredDesign):
-        return problem_of(subject.job), subject.content
-    if not isinstance(subject, Design):
-        return problem_of(subject), {}
-    answer = {name: getattr(subject, name) for name in ("pendulum", "validated", "equivalent")}
-    return subject.problem, json_of(answer | {"verdict": subject.status.value})
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:

@@ -128,7 +128,7 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
         sizes[size.name] = median_filter(z.reshape(_COARSE, _COARSE), 3)
     _hatch(ax, x, y, sizes)
     # The block can stay at rest where the smallest uplift margin over all conditions is positive.
-    margin = design.problem.least_margins(designs)
+    margin = problem.orbits.margins(designs).min(axis=1)
     if margin.min() < 0.0 < margin.max():
         edge(ax, x, y, margin.reshape(_COARSE, _COARSE), "stays at rest", 0.5, color=INK, style="--")
     for i, path in enumerate(search.paths):
