@@ -190,6 +190,8 @@ class Limit(_Sized):
 class _OneNumber(Limit):
     """Limit that has one number. Messages about the number use the name of the limit."""
 
+    limited: ClassVar[str] = ""
+    """Field of `Motion` that must not exceed the number; empty if the limit has another size."""
     check: ClassVar[Callable[[str, object], Any]] = staticmethod(checks.positive)
     """Check of the number, which returns it."""
     most: ClassVar[tuple[float, str]] = (np.inf, "")
@@ -200,6 +202,11 @@ class _OneNumber(Limit):
         number = self.check(self.name, getattr(self, field.name))
         object.__setattr__(self, field.name, number)
         checks.at_most(self.name, number, *self.most)
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the field `limited` of the motion over the number."""
+        (limit,) = vars(self).values()
+        return getattr(motion, self.limited) / limit
 
     def quantity(self, size: float) -> tuple[float, float]:
         """See `Limit.quantity`."""
@@ -299,10 +306,7 @@ class Stroke(_OneNumber):
     name: ClassVar[str] = "stroke"
     unit: ClassVar[str] = "rad"
     most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
-
-    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
-        """Return the bob angle over the limit."""
-        return motion.swing / self.angle
+    limited: ClassVar[str] = "swing"
 
 
 @dataclass(frozen=True)
@@ -322,10 +326,7 @@ class RelativeStroke(_OneNumber):
     label: ClassVar[str] = "relative stroke"
     unit: ClassVar[str] = "rad"
     most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
-
-    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
-        """Return the angle between rod and block over the limit."""
-        return motion.rod_angle / self.angle
+    limited: ClassVar[str] = "rod_angle"
 
 
 @dataclass(frozen=True)
@@ -343,10 +344,7 @@ class Tilt(_OneNumber):
     name: ClassVar[str] = "tilt"
     unit: ClassVar[str] = "of nu"
     most: ClassVar[tuple[float, str]] = 1.0, "a block that stands on its corner"
-
-    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
-        """Return the tilt over the limit."""
-        return motion.tilt / self.share
+    limited: ClassVar[str] = "tilt"
 
 
 @dataclass(frozen=True)
@@ -487,10 +485,7 @@ class Multiplier(_OneNumber):
     name: ClassVar[str] = "multiplier"
     of_motion: ClassVar[bool] = False
     check = staticmethod(partial(checks.within, low=1e-6, high=1.0))
-
-    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
-        """Return the modulus over the limit."""
-        return motion.multiplier / self.largest
+    limited: ClassVar[str] = "multiplier"
 
 
 @dataclass(frozen=True)

@@ -122,9 +122,9 @@ def test_a_time_history_lasts_until_the_block_overturns():
     without, with_pendulum = time_histories(scene, pendulum)
     assert (without.overturned, with_pendulum.overturned) == (True, False)
     # 24 periods are 30 s.
-    fall = without.time[np.isfinite(without.tilt)][-1]
-    assert 35.0 < fall < without.time[-1] < 38.0
+    fall = without.times[np.isfinite(without.tilt)][-1]
+    assert 35.0 < fall < without.times[-1] < 38.0
     # The tables and pictures have one axis of time for both cases.
-    assert (without.time == with_pendulum.time).all()
+    assert (without.times == with_pendulum.times).all()
     assert np.isfinite(with_pendulum.tilt).all()
-    assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
+    assert [h.swing for h in time_histories(SCENE, None)] == [None]

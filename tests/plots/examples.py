@@ -35,10 +35,9 @@ def history(with_pendulum: bool, size: float = 0.08, overturns: bool = False) ->
         tilt = np.where(time > 3.0, np.nan, 0.01 * np.exp(2.0 * time))
     bob = 0.3 * np.sin(2.0 * np.pi * 2.5 * time + 1.0)
     return TimeHistory(
-        with_pendulum=with_pendulum,
-        time=time,
+        times=time,
         tilt=tilt,
-        bob=np.where(np.isfinite(tilt), bob, np.nan),
+        swing=np.where(np.isfinite(tilt), bob, np.nan) if with_pendulum else None,
         overturned=overturns,
     )
 

@@ -77,12 +77,12 @@ def test_time_histories_and_responses_are_written_as_csv():
     head, rows = read(motion_csv((without, with_it)))
     assert head == ["time_s", "without_tilt_rad", "with_tilt_rad", "with_bob_rad"]
     np.testing.assert_array_equal(
-        np.array(rows, float).T, [without.time, without.tilt, with_it.tilt, with_it.bob]
+        np.array(rows, float).T, [without.times, without.tilt, with_it.tilt, with_it.swing]
     )
     # After an overturning the cells are empty.
     time = np.linspace(0.0, 10.0, 11)
     tilt = np.where(time > 5.0, np.nan, 0.1)
-    lost = TimeHistory(with_pendulum=False, time=time, tilt=tilt, bob=tilt, overturned=True)
+    lost = TimeHistory(times=time, tilt=tilt, swing=None, overturned=True)
     head, rows = read(motion_csv((lost,)))
     assert (head, rows[-1][1]) == (["time_s", "without_tilt_rad"], "")
     assert float(rows[-1][0]) > 9.0

@@ -59,20 +59,19 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], d
     from tpd.design.as_built import time_histories
 
     if isinstance(scene.excitation, Harmonic):
-        cases = time_histories(scene, pendulum)
+        histories = time_histories(scene, pendulum)
         # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.
-        times, rate = cases[0].time, float(scene.excitation.rate)
+        times, rate = histories[0].times, float(scene.excitation.rate)
         displacement = float(scene.excitation.amplitude) * np.sin(rate * times)
         base = {"base_m": displacement, "base_m_s2": -(rate**2) * displacement}
-        angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in cases]
     else:
-        histories = [motion_history(scene, h) for h in cases_of(pendulum)]
+        histories = tuple(motion_history(scene, h) for h in cases_of(pendulum))
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
-        angles = [(h.tilt, h.swing, h.overturned) for h in histories]
-    columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}
-    # A table that ends early needs a reason for each case.
-    overturns = {"without_tilt_rad": angles[0][2]}
-    if pendulum is not None:
-        columns |= {"with_tilt_rad": angles[1][0], "with_swing_rad": angles[1][1]}
-        overturns |= dict.fromkeys(("with_tilt_rad", "with_swing_rad"), angles[1][2])
+    columns, overturns = {"time_s": times, **base}, dict[str, bool]()
+    for h in histories:
+        own = {"without_tilt_rad": h.tilt}
+        own = own if h.swing is None else {"with_tilt_rad": h.tilt, "with_swing_rad": h.swing}
+        columns |= own
+        # A table that ends early needs a reason for each case.
+        overturns |= dict.fromkeys(own, h.overturned)
     return columns, overturns

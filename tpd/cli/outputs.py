@@ -17,11 +17,11 @@ PERIODIC_ONLY = (
 """Note on results without motions from rest; the placeholder is an option."""
 
 
-def plot(result: Any, what: str | None = None, ax: Any = None) -> Any:
+def plot(result: Any, what: str | None = None, **how: Any) -> Any:
     """Draw a result with `tpd.plot`. Matplotlib is imported when the function is called, and not before."""
     from tpd.plots.results import plot
 
-    return plot(result, what, ax=ax)
+    return plot(result, what, **how)
 
 
 def write(

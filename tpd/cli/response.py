@@ -83,19 +83,17 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     table = files.as_csv(("case", "branch", name, *sizes), rows)
     tables = [("response.json", files.as_json(content)), ("branches.csv", table)]
 
-    def draw(responses: dict[str, Response] | None = None) -> Any:
-        # The import of Matplotlib waits until the numbers are written.
-        from tpd.plots.response import plot_branches, plot_response
+    def picture(cases: dict[str, Any], **how: Any) -> Callable[[], Any]:
+        *without, last = cases.values()
+        return partial(outputs.plot, last, without=without[0] if without else None, **how)
 
-        return plot_branches(orbits) if responses is None else plot_response(tuple(responses.values()), own)
-
-    pictures: dict[str, Callable[[], Any]] = {"branches.png": draw}
+    pictures = {"branches.png": picture(orbits)}
     if settled:
         tables.append(("response.csv", response_csv(tuple(settled.values()))))
-        pictures["response.png"] = partial(draw, settled)
+        pictures["response.png"] = picture(settled, own=own)
         # In the picture of the whole range the marks near the base frequency hide each other.
         if len(near[WITHOUT].frequency):
-            pictures["response_near.png"] = partial(draw, near)
+            pictures["response_near.png"] = picture(near, own=own)
     outputs.write(options.out, tables, pictures, overwrite=options.overwrite)
     return SOUND
 

@@ -201,13 +201,12 @@ class Build:
 class TimeHistory:
     """Motion from rest under the excitation of the scene; arrays of shape (times,)."""
 
-    with_pendulum: bool
-    time: np.ndarray
-    """Time, s."""
+    times: np.ndarray
+    """Times, s."""
     tilt: np.ndarray
     """Tilt phi, rad; NaN after the block overturns, and where the model has no result."""
-    bob: np.ndarray
-    """Bob angle psi, rad."""
+    swing: np.ndarray | None
+    """Bob angle psi, rad; None without a pendulum."""
     overturned: bool
     """Whether the block overturns."""
 
@@ -291,14 +290,16 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
         p = as_arrays(scene.parameters(case))
         tau = sampled(p, _MOST_PERIODS, _SAMPLES)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
+        # Without a pendulum the equations still have a bob, whose mass is zero. Its angle has no meaning.
         tilt, bob = np.asarray(motion.ys).T[:2]
-        columns = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
-        overturned = bool(motion.status == Status.overturned)
-        out.append(TimeHistory(with_pendulum=case is not None, overturned=overturned, **columns))
+        swing, overturned = None if case is None else bob, bool(motion.status == Status.overturned)
+        times = np.asarray(tau) / scene.rate
+        out.append(TimeHistory(times=times, tilt=tilt, swing=swing, overturned=overturned))
         if overturned:
             # One more period shows the block on the ground.
             last = max(last, int(np.isfinite(tilt).sum()) + _SAMPLES)
-    return tuple(replace(h, **{n: getattr(h, n)[: last + 1] for n in ("time", "tilt", "bob")}) for h in out)
+    cut = ({n: x[: last + 1] for n, x in vars(h).items() if isinstance(x, np.ndarray)} for h in out)
+    return tuple(replace(h, **columns) for h, columns in zip(out, cut, strict=True))
 
 
 def build_of(design: Design) -> Build | None:

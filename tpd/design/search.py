@@ -26,7 +26,6 @@ from tpd.design.orbits import BACK_OFF, Orbits, SmoothedOrbits
 from tpd.design.power_law import PowerLaw
 from tpd.design.settings import Descent
 from tpd.design.sizes import NEAR, Evaluation
-from tpd.design.space import first_apart
 from tpd.models.smoothed import Smoothed
 
 _CLOSED_FORMS = 4096
@@ -217,8 +216,10 @@ def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     # The first pass chooses designs of different valleys. Later passes fill the remaining places with
     # neighbours.
     for apart in _DISTANCES:
-        order = np.r_[chosen, order[~np.isin(order, chosen)]].astype(int)
-        chosen = first_apart(units, order, count, apart, len(chosen))
+        for i in order[~np.isin(order, chosen)].tolist():
+            nearest = np.linalg.norm(units[chosen] - units[i], axis=1).min(initial=np.inf)
+            if len(chosen) < count and nearest > apart:
+                chosen.append(i)
     return np.array(chosen, dtype=int)
 
 

@@ -259,25 +259,3 @@ def check_fit(
             check_restitution(scene, in_runs=True)
     with naming("space"):
         return space.of(scene.block)
-
-
-def first_apart(
-    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
-) -> list[int]:
-    """Return the first designs of an ordered list that have a distance of at least `apart` from each other.
-
-    The distance is in shares of the bounds. The first `fixed` designs are always included.
-    """
-    chosen = [int(i) for i in order[:fixed]]
-    # For every design the distance from the closest chosen design, updated with each new choice.
-    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in chosen)], axis=0)
-    for i in map(int, order[fixed:]):
-        if len(chosen) < most and nearest[i] > apart:
-            chosen.append(i)
-            nearest = np.minimum(nearest, _distances(units, i))
-    return chosen
-
-
-def _distances(units: np.ndarray, i: int) -> np.ndarray:
-    """Return the distances of all designs from design i."""
-    return np.linalg.norm(units - units[i], axis=1)

@@ -68,9 +68,9 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
     seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
     # A frame of the film shows 1/slowed of the time that it lasts.
     times = np.arange(int(_RATE * seconds)) / (_RATE * slowed)
-    moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=0.0)
+    moment = max((h.times[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=0.0)
     times += max(0.0, moment - _BEFORE * times[-1])
-    reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
+    reels = [reel(h, None if h.swing is None else pendulum, times) for h in histories]
     speed = f"{slowed} times slower than real time" if slowed > 1 else "real time"
     pictures = _pictures(scene, reels, times, speed)
     # The first frame has all colours of the film, so its palette serves for all frames.
@@ -93,16 +93,16 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
         pendulum: the pendulum of this motion; None if there is none.
         times: times of the frames, s, shape (frames,).
     """
-    is_finite = np.isfinite(history.tilt) & np.isfinite(history.bob)
-    is_upright = is_finite & (np.abs(history.tilt) < 0.5 * math.pi)
+    swing = np.zeros_like(history.tilt) if history.swing is None else history.swing
+    is_upright = np.isfinite(swing) & (np.abs(history.tilt) < 0.5 * math.pi)
     end = len(is_upright) if is_upright.all() else int(np.argmin(is_upright))
     # An overturned block is drawn lying on its side. If the model has no result from some time on, the block
     # is drawn as at that time.
     side = math.copysign(0.5 * math.pi, history.tilt[max(end - 1, 0)])
     overturns = history.overturned and end < len(is_upright)
-    overturned = times >= history.time[end] if overturns else np.zeros(len(times), bool)
+    overturned = times >= history.times[end] if overturns else np.zeros(len(times), bool)
     part = slice(0, max(end, 1))
-    tilt, bob = (np.interp(times, history.time[part], x[part]) for x in (history.tilt, history.bob))
+    tilt, bob = (np.interp(times, history.times[part], x[part]) for x in (history.tilt, swing))
     return Reel(pendulum, np.where(overturned, side, tilt), np.where(overturned, 0.0, bob), overturned)
 
 

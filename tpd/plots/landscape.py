@@ -12,6 +12,7 @@ from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
 from tpd.design.search import Search
+from tpd.design.trend import Trend
 from tpd.design.trials import Trials
 from tpd.plots.style import (
     HALO,
@@ -67,70 +68,68 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     if trials is None or best is None or (trials.risk is None and not design.paths):
         raise ValueError("`design` must have descents or a trend of trial runs, but has neither")
     ax = cast(Axes, new_axes(size=(7.0, 5.0)) if ax is None else ax)
-    if design.paths and len(space.names) > 1:
-        return _descents(ax, design, best)
-    if trials.risk is None:
-        raise ValueError("`design` must have two parameters that the descents vary, but has one")
     if len(space.names) == 1:
+        if trials.risk is None:
+            raise ValueError("`design` must have two parameters that the descents vary, but has one")
         return _curve(ax, design, trials, best)
-    axes = space.searched[:2]
-    low, high = space.bounds[:, :2]
+    axes, (low, high) = space.searched[:2], space.bounds[:, :2]
     x, y = np.linspace(low, high, _GRID).T
-    designs = np.tile(best, (_GRID**2, 1))
+    if design.paths:
+        x, y = np.geomspace(np.maximum(low, 1e-3 * high), high, _COARSE).T
+    designs = np.tile(best, (x.size * y.size, 1))
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    field, deviation = (z.reshape(_GRID, _GRID) for z in trials.risk.at(space.logarithms(designs)))
     # With two axes, one of the three parameters has the value of the best design everywhere.
     (other,) = {0, 1, 2} - {*axes.tolist()}
-    label = f"tilt over ν in trial runs, at {'μλζ'[other]} = {best[other]:.2g} (-)"
-    _shade(ax, x, y, field, trials.without_pendulum, label)
+    where = f"at {'μλζ'[other]} = {best[other]:.2g} (-)"
+    across, up = (LABELS[name] for name in space.names[:2])
+    ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
+    (_descents if design.paths else _trials)(ax, design, x, y, designs, where)
+    # A recommended design is the last validated one and has no reasons.
+    rejected = [] if design.paths else [v.design[axes] for v in design.validated if v.reasons]
+    _star(ax, design, best[axes])
+    _points(ax, np.array(rejected), "X", 7.0, "rejected by the validation", "white")
+    legend(ax)
+    return ax
+
+
+def _trials(ax: Axes, design: Design, x: np.ndarray, y: np.ndarray, designs: np.ndarray, where: str) -> None:
+    """Draw the trend of the trial runs at designs (m, 3) of a grid, and the trials."""
+    trials = cast(Trials, design.trials)
+    risk, at, axes = cast(Trend, trials.risk), design.space.logarithms(designs), design.space.searched[:2]
+    field, deviation = (z.reshape(len(y), len(x)) for z in risk.at(at))
+    _shade(ax, x, y, field, trials.without_pendulum, f"tilt over ν in trial runs, {where}")
     # The grey area covers the contours and their values, because the trend is not known there.
-    spread = np.std(trials.risk.values)
+    spread = np.std(risk.values)
     if (deviation > spread).any():
         # The trend is unknown where its standard deviation is as large as that of all trial values.
         levels = [spread, np.inf]
         ax.contourf(x, y, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
         ax.fill([], [], color=_UNKNOWN, label="trend not known")
-    # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
-    limits = _limits(design, trials, designs)
-    edges = {name: median_filter(z.reshape(_GRID, _GRID), 3) for name, z in limits.items()}
-    _hatch(ax, x, y, edges)
+    _hatch(ax, x, y, _limits(design, trials, designs))
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
     _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without a result", "none")
-    _star(ax, design, best[axes])
-    # A recommended design is the last validated one and has no reasons.
-    rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
-    _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
-    across, up = (LABELS[name] for name in space.names[:2])
-    ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
-    legend(ax)
-    return ax
 
 
-def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
-    """Draw the objective of the descents with their paths and the limits, over logarithmic axes."""
-    space, axes, search = design.space, design.space.searched[:2], cast(Search, design.search)
-    low, high = space.bounds[:, :2]
-    x, y = np.geomspace(np.maximum(low, 1e-3 * high), high, _COARSE).T
-    designs = np.tile(best, (_COARSE**2, 1))
-    designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+def _descents(
+    ax: Axes, design: Design, x: np.ndarray, y: np.ndarray, designs: np.ndarray, where: str
+) -> None:
+    """Draw the objective of the descents at designs (m, 3) of a grid, and their paths, over logarithmic
+    axes."""
+    axes, search = design.space.searched[:2], cast(Search, design.search)
     problem: Any = design.problem
     # Exact orbits under the conditions of the descents, with the limits after the last correction.
     orbits = replace(problem.searched, factors=search.factors)
     e = orbits.evaluate(designs)
     value, without = (orbits.value(of) for of in (e, orbits.evaluate(np.array([NO_PENDULUM]))))
-    (other,) = {0, 1, 2} - {*axes.tolist()}
-    label = f"{orbits.objective.label}, at {'μλζ'[other]} = {best[other]:.2g} (-)"
-    _shade(ax, x, y, value.reshape(_COARSE, _COARSE), float(without[0]), label)
+    label = f"{orbits.objective.label}, {where}"
+    _shade(ax, x, y, value.reshape(len(y), len(x)), float(without[0]), label)
     # One edge for each limit shows which limit holds the design.
-    sizes: dict[str, np.ndarray] = {}
-    for size in orbits.limited(e):
-        z = np.log(np.clip(size.value.max(axis=1), *_CLIPPED))
-        sizes[size.name] = median_filter(z.reshape(_COARSE, _COARSE), 3)
+    sizes = {s.name: np.log(np.clip(s.value.max(axis=1), *_CLIPPED)) for s in orbits.limited(e)}
     _hatch(ax, x, y, sizes)
     # The block can stay at rest where the smallest uplift margin over all conditions is positive.
     margin = problem.orbits.margins(designs).min(axis=1)
     if margin.min() < 0.0 < margin.max():
-        edge(ax, x, y, margin.reshape(_COARSE, _COARSE), "stays at rest", 0.5, color=INK, style="--")
+        edge(ax, x, y, margin.reshape(len(y), len(x)), "stays at rest", 0.5, color=INK, style="--")
     for i, path in enumerate(search.paths):
         ax.plot(*path[:, axes].T, color=INK, lw=0.9, zorder=3, label=None if i else "descents")
         ax.plot(*path[0, axes], "o", ms=6.0, mfc="white", mec=INK, zorder=3)
@@ -138,20 +137,21 @@ def _descents(ax: Axes, design: Design, best: np.ndarray) -> Axes:
         text = ax.annotate(str(i), corrected, (4, 4), textcoords="offset points", fontsize=SMALL, zorder=5)
         text.set_path_effects(HALO)
     ax.plot(*search.corrected[:, axes].T, color=ORANGE, lw=1.2, zorder=3, label="corrections by runs")
-    _star(ax, design, best[axes])
-    across, up = (LABELS[name] for name in space.names[:2])
-    ax.set(xlabel=across, ylabel=up, xscale="log", yscale="log", xlim=x[[0, -1]], ylim=y[[0, -1]])
+    ax.set(xscale="log", yscale="log")
     for axis in (ax.xaxis, ax.yaxis):
         # Over less than a decade the default marks would be a single one.
         axis.set_major_formatter("{x:g}")
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_minor_formatter("")
-    legend(ax)
-    return ax
 
 
 def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, edges: dict[str, np.ndarray]) -> None:
-    """Hatch the area in which a limit is exceeded, and draw the edge of each limit with its name."""
+    """Hatch the area in which a limit is exceeded, and draw the edge of each limit with its name.
+
+    `edges` are values at all points of the grid that are positive where a limit is exceeded.
+    """
+    # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
+    edges = {name: median_filter(z.reshape(len(y), len(x)), 3) for name, z in edges.items()}
     # The largest logarithm over all limits is positive where any limit is exceeded.
     worst = np.max([np.full((len(y), len(x)), -1.0), *edges.values()], axis=0)
     if (worst > 0.0).any():

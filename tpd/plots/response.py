@@ -5,7 +5,7 @@ orbits are drawn against frequency or another quantity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -108,26 +108,26 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
 
 
 @own_style()
-def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
+def plot_branches(cases: Sequence[Branches], axes: Any = None) -> Any:
     """Draw the tilt and, with a pendulum, the bob angle of all branches of symmetric orbits.
 
     Stable branches are solid, unstable branches dashed. Marks show folds, symmetry breaking, sticking and
     grazing.
 
     Args:
-        cases: one or two branches over the same quantity by their labels, without and with the pendulum.
+        cases: one or two branches over the same quantity, without and with the pendulum.
         axes: one, or two axes if a case has a pendulum; by default those of a new figure.
 
     Returns:
         The axes, an array.
     """
-    has_pendulum = any(b.has_pendulum for b in cases.values())
+    has_pendulum = any(b.has_pendulum for b in cases)
     size = 7.0, 6.6 if has_pendulum else 4.4
     axes = np.atleast_1d(new_axes(1 + has_pendulum, size) if axes is None else axes)
     # A single case, with or without a pendulum, has the colour of the pendulum.
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]
-    for (label, case), style in zip(cases.items(), styles, strict=True):
+    for case, style in zip(cases, styles, strict=True):
         for ax, quantity in zip(axes, ("amplitude", "swing"), strict=False):
             if quantity == "amplitude" or case.has_pendulum:
                 _lines(ax, case, quantity, style)
@@ -139,7 +139,7 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
                     if b.kind is Kind.unresolved:
                         size, marks = 0.0, {"ms": 6, "transform": ax.get_xaxis_transform(), "clip_on": False}
                     ax.plot(b.value, size, marker, mec=style["color"], **marks)
-        axes[0].plot([], [], label=label, **style)
+        axes[0].plot([], [], label=CASES[case.has_pendulum]["label"], **style)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
     if has_pendulum:
         axes[1].set(ylabel=r"largest bob angle $|\psi|$ (rad)")
@@ -147,11 +147,11 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
         ax.set_ylim(bottom=0.0)
         in_degrees(ax)
         ax.margins(x=0.01)
-    axes[-1].set(xlabel=LABELS[next(iter(cases.values())).name])
+    axes[-1].set(xlabel=LABELS[cases[0].name])
     for label, ls in (("stable", "-"), ("unstable", _UNSTABLE)):
         axes[0].plot([], [], color=INK, lw=1.2, ls=ls, label=label)
     # The legend explains only the marks that occur.
-    kinds = {b.kind for case in cases.values() for b in case.bifurcations}
+    kinds = {b.kind for case in cases for b in case.bifurcations}
     for kind, (marker, label) in _MARKERS.items():
         if kind in kinds:
             axes[0].plot([], [], marker, ms=5.5, mfc="white", mec=INK, mew=1.3, label=label)
@@ -213,33 +213,27 @@ def plot_motions(
         The axes, an array.
     """
     motions = [h for h in histories if isinstance(h, MotionHistory)]
-    rows = [
-        (h.times, h.tilt, h.swing, h.overturned)
-        if isinstance(h, MotionHistory)
-        else (h.time, h.tilt, h.bob if h.with_pendulum else None, h.overturned)
-        for h in histories
-    ]
-    has_pendulum = any(swing is not None for _, _, swing, _ in rows)
+    has_pendulum = any(h.swing is not None for h in histories)
     count = 1 + has_pendulum + 2 * bool(motions)
     if axes is None:
         axes = np.atleast_1d(new_axes(count, (7.4, 1.0 + 1.8 * count)))
     # The axes are, from top to bottom, acceleration, tilt, rod and friction, of which some may be missing.
     first = 1 if motions else 0
-    tilts, last = axes[first], max(float(time[-1]) for time, *_ in rows)
-    for (time, tilt, swing, overturns), style in zip(rows, LINES, strict=False):
+    tilts, last = axes[first], max(float(h.times[-1]) for h in histories)
+    for h, style in zip(histories, LINES, strict=False):
         # The equations have no meaning after an overturning, so the line ends at twice the slenderness. The
         # running product is zero from the first larger tilt on.
-        is_small = np.abs(tilt) < 2.0 * slenderness
-        is_shown = np.cumprod(is_small).astype(bool) if overturns else np.isfinite(tilt)
-        tilts.plot(time, np.where(is_shown, tilt, np.nan), **style)
-        if overturns and is_shown.any():
-            at = time[is_shown][-1], tilt[is_shown][-1]
+        is_small = np.abs(h.tilt) < 2.0 * slenderness
+        is_shown = np.cumprod(is_small).astype(bool) if h.overturned else np.isfinite(h.tilt)
+        tilts.plot(h.times, np.where(is_shown, h.tilt, np.nan), **style)
+        if h.overturned and is_shown.any():
+            at = h.times[is_shown][-1], h.tilt[is_shown][-1]
             tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
             # Near the right end the word would lie on the axis of degrees.
             side, place = (-8, "right") if at[0] > 0.8 * last else (6, "left")
             tilts.annotate("overturns", at, (side, -4), textcoords="offset points", fontsize=SMALL, ha=place)
-        if swing is not None:
-            axes[first + 1].plot(time, np.where(is_shown, swing, np.nan), **style | {"label": None})
+        if h.swing is not None:
+            axes[first + 1].plot(h.times, np.where(is_shown, h.swing, np.nan), **style | {"label": None})
     largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=0.0)) for line in tilts.lines)
     if largest > 0.5 * slenderness:
         for side in (-1.0, 1.0):

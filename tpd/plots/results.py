@@ -17,7 +17,7 @@ from tpd.core import checks
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.plots import animation, compare, drawing, landscape, maps, response
-from tpd.plots.style import CASES, saved
+from tpd.plots.style import saved
 from tpd.scene.record import Record
 
 
@@ -129,11 +129,7 @@ def draw_response(
 
 def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
     """Draw branches and, if there are any, the branches without the pendulum."""
-    without_label, with_label = (str(case["label"]) for case in CASES)
-    cases: dict[str, Branches] = dict(zip([without_label], _without(result, without), strict=False))
-    return response.plot_branches(
-        cases | {with_label if result.has_pendulum else without_label: result}, axes
-    )
+    return response.plot_branches([*_without(result, without), result], axes)
 
 
 def _without(result: Any, without: Any) -> list[Any]:

@@ -167,12 +167,10 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     Args:
         histories: motions without and, if there is one, with the pendulum, over the same times.
     """
-    columns = {"time_s": histories[0].time}
+    columns = {"time_s": histories[0].times}
     for h in histories:
-        columns["with_tilt_rad" if h.with_pendulum else "without_tilt_rad"] = h.tilt
-        # See `response_csv`: without a pendulum the bob angle has no meaning.
-        if h.with_pendulum:
-            columns["with_bob_rad"] = h.bob
+        own = {"without_tilt_rad": h.tilt}
+        columns |= own if h.swing is None else {"with_tilt_rad": h.tilt, "with_bob_rad": h.swing}
     return files.as_table(columns)
 
 
