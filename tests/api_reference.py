@@ -52,7 +52,7 @@ INTERNAL = {
     "Hazard": "factor measure",
     "Job": (
         "all_messages bob check_motion compiled full ground_motions hazard in_words intensity messages "
-        "method motions notes only search settled_scene shaking single tables under file_notes"
+        "method motions notes only search settles shaking single tables under file_notes"
     ),
     "PairedRuns": (
         "annual cluster counted description ends excess_reduction first_measure group half is_answered only "

@@ -13,7 +13,7 @@ from tpd.answers.motion_history import sliding
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import checks
-from tpd.core.formatting import number
+from tpd.core.formatting import number, with_and_without
 from tpd.core.progress import Bar
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
@@ -118,7 +118,10 @@ def _check_by_models(
             sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
         # Each group of ground motions has its part of the runs: those of the search, and those that were
         # kept for the validation.
-        sentences += [words.group(part) for part, _ in zip(runs.parts, problem.groups, strict=False)]
+        for part, _ in zip(runs.parts, problem.groups, strict=False):
+            tilts = with_and_without(part.with_pendulum, part.without_pendulum)
+            counted = f"  {part.label} ({part.rows.sum()} runs)"
+            sentences.append(f"{counted}: mean tilt, as a share of ν, {tilts}")
         sentences += [f"  {text}" for text in summary.at_levels(problem, runs)]
         sentences += [f"{text}." for text in problem.yearly(runs.annual_rates)]
     status, reasons = validation.status, validation.refusals or problem.missing

@@ -13,6 +13,7 @@ from tpd.cli.options import set_keys, tables_of
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
 from tpd.design.stored_design import read_design
+from tpd.design.tables import EXCITATIONS
 from tpd.limits import check_cavity
 from tpd.records.read import summary
 from tpd.report import words
@@ -58,9 +59,12 @@ def check_inputs(options: argparse.Namespace) -> Case:
     if asker == "--engine":
         # An engine simulates one motion.
         _ = case.job.single
-    elif options.command in ("response", "map"):
-        again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
-        _ = case.job.settled_scene(asker, again)
+    elif options.command in ("response", "map") and not case.job.settles:
+        again = "FILE" if options.design is None else options.design / "scene.toml"
+        raise ValueError(
+            f"{asker} needs a harmonic motion, but the job has {EXCITATIONS[case.job.kind]}: give --scene "
+            f"{again} with --amplitude and --frequency"
+        )
     # A job checks a part of its inputs when the property that needs them is read for the first time.
     _ = getattr(case.job, _REQUIRED.get(options.command, "scene"))
     if options.command in ("optimise", "check") and asker != "--engine":

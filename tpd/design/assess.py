@@ -62,7 +62,7 @@ class Assessment(Printed):
             return [self.problem.needless]
         problem = self.problem
         scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
-        varied = f"{problem.begin_of_runs} {scatter}"
+        varied = f"{'Runs from rest' if problem.has_earthquakes else 'Validation runs'} with {scatter}"
         first, lines = problem.first_overturning(self.runs), list[str]()
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
             # The conditions of a harmonic and pulses are no sample, so their share has no interval.

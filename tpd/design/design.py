@@ -266,7 +266,10 @@ class Design(Printed):
         """
         if self.pendulum is None or self.best is None:
             return 0.0
-        return self.problem.drawn_swing(self.best.exact, self.problem.reached(self.rod_angle))
+        exact, in_runs = self.best.exact, self.problem.reached(self.rod_angle)
+        # Without an attracting orbit the swing is not finite, and is left out.
+        settled = [] if exact is None else [*exact.settled_swing, *exact.orbits.swing[0]]
+        return float(max(filter(math.isfinite, settled), default=in_runs))
 
     @cached_property
     def usage(self) -> dict[str, float]:

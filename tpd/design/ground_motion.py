@@ -30,7 +30,7 @@ from tpd.design.refine import Refinement, refine
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke, usual_stroke
+from tpd.limits import LIMIT_KINDS, Clearance, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_each
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
@@ -114,7 +114,6 @@ class GroundMotionProblem(Problem):
     }
     has_earthquakes: ClassVar[bool] = True
     usual_contacts: ClassVar[float] = 0.1
-    begin_of_runs: ClassVar[str] = "Runs from rest with"
 
     @staticmethod
     def of(
@@ -143,7 +142,11 @@ class GroundMotionProblem(Problem):
         checks.instance("scene", subject, (Scene, Block))
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
         checked = GroundMotionProblem.checked(scene, space=space, **inputs)
-        check_ground_limits(checked["limits"])
+        for limit in checked["limits"]:
+            if not limit.of_motion:
+                names = ", ".join(kind.__name__ for kind in LIMIT_KINDS if kind.of_motion)
+                has = checks.quote(limit)
+                raise ValueError(f"`limits` under ground motions must be {names}, but has {has}")
         groups = grouped(conditions.motions, checked.pop("validation_share"), checked["seed"])
         inside = _with_motions(conditions, groups[0].motions)
         # Reject settings without effect, because a user would rely on them.
@@ -505,14 +508,6 @@ def isolation_period(motion: GroundMotion, acceleration: float) -> float:
 
             return float(root_scalar(excess, bracket=(period, longer), xtol=1e-4).root)
     return 0.0
-
-
-def check_ground_limits(limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` if a limit applies only to settled motions."""
-    for limit in limits:
-        if not limit.of_motion:
-            names = ", ".join(kind.__name__ for kind in LIMIT_KINDS if kind.of_motion)
-            raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.quote(limit)}")
 
 
 def grouped(

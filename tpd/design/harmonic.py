@@ -105,7 +105,6 @@ class HarmonicProblem(Problem):
     }
     pictures = *Problem.pictures, "motion"
     has_earthquakes: ClassVar[bool] = False
-    begin_of_runs: ClassVar[str] = "Validation runs with"
     attempts: ClassVar[int] = 3
     # Other reasons than limits are those of the best design, so that no other one is better.
     retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit})
@@ -204,16 +203,6 @@ class HarmonicProblem(Problem):
             return []
         kind = ReasonKind.overturns_more
         return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
-
-    def drawn_swing(self, exact: ExactMotions, in_runs: float) -> float:
-        """Return the largest settled angle from rest or on an orbit; see `Problem.drawn_swing`."""
-        # Without an attracting orbit the swing is not finite, and is left out.
-        settled = filter(math.isfinite, [*exact.settled_swing, *exact.orbits.swing[0]])
-        return float(max(settled, default=in_runs))
-
-    def parameters(self, pendulum: Pendulum | None) -> Parameters:
-        """See `Problem.parameters`."""
-        return self.scene.parameters(pendulum)
 
     @property
     def excitation_in_words(self) -> str:

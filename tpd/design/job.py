@@ -25,7 +25,6 @@ from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.design.space import TWINS, DesignSpace, check_fit, check_moves, check_scatter
 from tpd.design.tables import (
-    EXCITATIONS,
     PAPER,
     READING,
     TABLES,
@@ -103,6 +102,8 @@ class Job(ABC):
     """Class of the settings of the search."""
     only: ClassVar[tuple[str, ...]]
     """Arguments of `tpd.optimise` that other kinds of jobs do not have."""
+    settles: ClassVar[bool] = False
+    """Whether motions under the excitation settle."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
@@ -193,18 +194,6 @@ class Job(ABC):
             ValueError: the motion is a harmonic.
         """
         return self.motions
-
-    @abstractmethod
-    def settled_scene(self, asker: str, again: str) -> Scene:
-        """Return the scene for results about motions that settle.
-
-        Args:
-            asker: name of the command or option that requires a motion that settles.
-            again: option of the command line that passes block and pendulum without their motion.
-
-        Raises:
-            ValueError: the motion is a pulse or a record.
-        """
 
     @property
     def intensity(self) -> str:
@@ -453,7 +442,7 @@ class Job(ABC):
 class HarmonicJob(Job):
     """Job with a harmonic motion."""
 
-    compiled, search, only = compiling.HARMONIC, Descent, ("starts", "objective")
+    compiled, search, only, settles = compiling.HARMONIC, Descent, ("starts", "objective"), True
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -474,10 +463,6 @@ class HarmonicJob(Job):
     @property
     def single(self) -> Scene:
         """See `Job.single`."""
-        return self.scene
-
-    def settled_scene(self, asker: str, again: str) -> Scene:
-        """See `Job.settled_scene`."""
         return self.scene
 
     @cached_property
@@ -529,13 +514,6 @@ class RecordsJob(Job):
             raise ValueError(
                 "a job with records needs `excitation.records` (--records FILE), but it is missing"
             )
-
-    def settled_scene(self, asker: str, again: str) -> Scene:
-        """See `Job.settled_scene`."""
-        raise ValueError(
-            f"{asker} needs a harmonic motion, but the job has {EXCITATIONS[self.kind]}: give {again} with "
-            "--amplitude and --frequency"
-        )
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:

@@ -267,15 +267,12 @@ def optimise_all(
         >>> print(tpd.optimise_all([tpd.Scene(block, motion) for block in blocks]))
         Designs for 2 blocks: 2 no uplift
     """
-    checks.require_x64()
     checks.instance("scenes", scenes, Sequence)
     if not scenes:
         raise ValueError("`scenes` must hold at least one scene, but is empty")
     for i, scene in enumerate(scenes):
         # Blocks and scenes must not be mixed, because the same conditions apply to all of them.
         checks.instance(f"scenes[{i}]", scene, Block if isinstance(scenes[0], Block) else Scene)
-    if "progress" in settings:
-        raise ValueError("`progress` of a single search is not allowed in `settings`")
     # The first search would exhaust an iterator, so make a tuple of it.
     if settings.get("limits") is not None:
         settings["limits"] = tuple(settings["limits"])

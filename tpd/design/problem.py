@@ -41,7 +41,6 @@ from tpd.limits import (
 )
 from tpd.scene.conditions import Conditions, HalfWidth, Normal
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.parameters import Parameters
 from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
@@ -160,8 +159,6 @@ class Problem(ABC):
     has_earthquakes: ClassVar[bool]
     """Whether the validation runs include earthquakes or pulses. Then the stated motions are a sample, a
     share of them has an interval, and the same runs decide and are reported."""
-    begin_of_runs: ClassVar[str]
-    """Words for the beginning of the validation runs without a pendulum."""
 
     def __post_init__(self) -> None:
         is_rate, n = self.requirements.reduce == "rate", len(self.levels)
@@ -288,15 +285,6 @@ class Problem(ABC):
     def harm_from_rest(self, exact: Any) -> list[Reason]:
         """Return a reason if the exact motions from rest show that the pendulum does harm."""
         return []
-
-    def drawn_swing(self, exact: Any, in_runs: float) -> float:
-        """Return the bob angle (rad) of a drawing, from the exact motions and from the angle that is exceeded
-        only in the allowed share of the validation runs."""
-        return in_runs
-
-    def parameters(self, pendulum: Pendulum | None) -> Parameters | None:
-        """Return the dimensionless parameters, which exist only under harmonic excitation."""
-        return None
 
     objective_in_words: ClassVar[str] = ""
     """Words for the quantity that descents minimise; empty without descents."""

@@ -141,31 +141,11 @@ class EngineVerdict(Printed):
     def table(self) -> str:
         """Return shares and quantiles of all runs as a table."""
         few = len(self.finer[0].tilt)
-        head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
-        return "\n".join(aligned([head, *self._rows(few)]))
-
-    def __str__(self) -> str:
-        e = self.ensemble
-        head = (
-            f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction "
-            f"coefficient {self.sliding:g} against sliding."
-        )
-        # A result that differs between engines must be read before any number.
-        lines = [
-            *([f"DANGER: {self.warning}"] if self.warning else []),
-            head,
-            self.losses,
-            "",
-            self.table(),
-            _MEANING,
-        ]
-        return "\n".join(lines)
-
-    def _rows(self, few: int) -> list[list[str]]:
+        rows = [["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]]
         # Each row has the values of the engine, its first runs, the finer time step, and the equations.
         # Quantiles are comparable only for the same runs, hence the column of the first runs.
         first = tuple(runs.first(few) for runs in self.with_engine)
-        groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
+        groups = (self.with_engine, first, self.finer, self.with_equations)
         sizes = [("tilt", "median", "tilt", 0.5), ("tilt", "90 %", "tilt", 0.9)]
         if isinstance(self.scene.excitation, Harmonic):
             sizes.append(("settled", "median", "settled_tilt", 0.5))
@@ -180,7 +160,17 @@ class EngineVerdict(Printed):
             rows.append(["rod to block: 90 %, rad", *(_size(r.rod_angle, 0.9) for r in bodies), "–"])
         rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies), "–"])
         rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies), "–"])
-        return rows
+        return "\n".join(aligned(rows))
+
+    def __str__(self) -> str:
+        e = self.ensemble
+        head = (
+            f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction "
+            f"coefficient {self.sliding:g} against sliding."
+        )
+        # A result that differs between engines must be read before any number.
+        danger = [f"DANGER: {self.warning}"] if self.warning else []
+        return "\n".join([*danger, head, self.losses, "", self.table(), _MEANING])
 
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
         # Infinite tilts of overturned runs count as 1, see `benefit`.

@@ -97,20 +97,12 @@ class Table(Struct, frozen=True, tag=True):
 
 
 class Figure(Struct, frozen=True, tag=True):
-    """A picture, identified by the name of its file.
-
-    Raises:
-        ValueError: an empty alternative text.
-    """
+    """A picture, identified by the name of its file."""
 
     name: str
     alt: str
     """Description for readers who cannot see the picture."""
     caption: str
-
-    def __post_init__(self) -> None:
-        if not self.alt:
-            raise ValueError("`alt` must describe the picture, but is empty")
 
 
 class Listing(Struct, frozen=True, tag=True):

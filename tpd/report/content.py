@@ -128,6 +128,8 @@ def content(
     project: Mapping[str, Any] = job.full["project"] if job else {}
     name, folder = project.get("name") or "", directory if job else None
     first, drawn = summary(design, details, folder), figures(design, details)
+    width, height = (number(float(x)) for x in (design.scene.block.width, design.scene.block.height))
+    size = f" for a block of {width} m × {height} m{', ' * bool(date)}{date}"
 
     def picture(file: str) -> list[Block]:
         # A picture whose data is missing has no figure, so the report does not refer to it.
@@ -145,7 +147,7 @@ def content(
         "Appendix: how to repeat the search": _repeat(design, folder),
     }
     return Report(
-        title=words.title(design.scene, name, date),
+        title=f"{name}: pendulum{size}" if name else f"Pendulum{size}",
         summary=first,
         figures=tuple(drawn[name] for name in ("benefit.svg", "drawing.svg") if name in drawn),
         sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
@@ -180,6 +182,10 @@ def _hypotheses(design: Design) -> Table:
     block = scene.block
     radius = f"radius of gyration {number(gyration or 0.0)} m about the centroid"
     diagonal = number(0.5 * math.hypot(float(block.base_width), 2.0 * float(block.centroid)))
+    height = problem.space.hinge_height
+    hinge = "in the middle of the top"
+    if height is not None:
+        hinge = f"on the axis of the block, {number(height)} m above the base"
     # Only the default scatter of Housner's e has a source.
     is_measured = problem.scatter.get("restitution") == MEASURED
     rows: list[tuple[Cell, ...]] = [
@@ -189,7 +195,7 @@ def _hypotheses(design: Design) -> Table:
             f"{number(float(block.centroid))} m, on the middle line",
         ),
         ("R, distance of the centroid from the lower edges", f"{diagonal} m"),
-        ("α, toppling angle", words.angle(math.atan(float(block.slenderness)))),
+        ("α, toppling angle", words.toppling(block)),
         ("p = ω₀ = √(g ρ/b)", f"{number(float(scene.rate))} rad/s, frequency parameter of the block"),
         (
             "energy loss",
@@ -204,8 +210,7 @@ def _hypotheses(design: Design) -> Table:
         ("direction", "one vertical plane, in which block, pendulum and excitation move"),
         (
             "pendulum",
-            f"point mass on a massless rod, with a viscous damper at the "
-            f"hinge {words.place_of_hinge(problem)}",
+            f"point mass on a massless rod, with a viscous damper at the hinge {hinge}",
         ),
         ("excitation", problem.assumed_excitation),
         ("starts", problem.starts_in_words),

@@ -40,7 +40,8 @@ _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 def as_json(design: Design, details: Details, first: Summary) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
-    p = problem.parameters(pendulum)
+    # Dimensionless parameters exist only under harmonic excitation.
+    p = None if problem.has_earthquakes else design.scene.parameters(pendulum)
     # A limit with one field is written as the value of this field, and a limit without fields as true. A
     # limit that the user defined may have several fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}

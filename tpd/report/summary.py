@@ -152,7 +152,8 @@ def _facts(design: Design, details: Details) -> Iterator[Row]:
 
 def rows_of(design: Design, details: Details) -> Iterator[Row]:
     """Yield further rows of the report: block, excitation, conditions, starts, limits and friction."""
-    yield "block", words.block_of(design.scene)
+    block = design.scene.block
+    yield "block", f"{words.block_of(block)}; topples at {words.toppling(block)}; {words.losses(block)}"
     yield "excitation", design.problem.excitation_in_words
     yield "uplift", design.problem.at_rest.lifting_in_words
     yield "sliding", design.problem.at_rest.sliding_in_words

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tpd.core.formatting import number, pair_of, per_cent, percent, with_and_without
+from tpd.core.formatting import number, pair_of, per_cent, percent
 from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, MEASURED, THICKNESS, TOP, Clearance, Limit, Reserve
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE
@@ -20,11 +20,9 @@ from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_sce
 
 if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
-    from tpd.answers.paired import Part
     from tpd.answers.response import Response
     from tpd.design.design import Design
     from tpd.design.first_guess import FirstGuess
-    from tpd.design.problem import Problem
     from tpd.design.variations import EquivalentWidening
 
 _PAPER = "the paper's block (Collini et al. 2016)"
@@ -45,11 +43,10 @@ def kept(design: Design) -> str:
     return f"{percent(1.0 - design.problem.allowed)} of the surviving validation runs"
 
 
-def exceeding(share: float, allowed: float, limit: str = "") -> str:
+def exceeding(share: float, allowed: float) -> str:
     """Return a clause with the share of the runs that exceed a limit, beside the share that is allowed."""
     exceeds, most = pair_of(share, allowed, 1, percent)
-    which = f"the limit on {LABELS.get(limit, limit)}" if limit else "a limit"
-    return f"{exceeds} of the surviving runs exceed {which} (at most {most} allowed)"
+    return f"{exceeds} of the surviving runs exceed a limit (at most {most} allowed)"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -168,12 +165,6 @@ def range_of_mass(design: Design) -> str:
     return f"{number(low, 2)} to {number(high, 2)} kg"
 
 
-def group(part: Part) -> str:
-    """Return a line for the terminal with the mean tilts of one group of ground motions."""
-    tilts = with_and_without(part.with_pendulum, part.without_pendulum)
-    return f"  {part.label} ({part.rows.sum()} runs): mean tilt, as a share of ν, {tilts}"
-
-
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
     """Return the ground motions by the names of their groups; empty under harmonic excitation."""
     return {g.name: g.motions for g in design.problem.groups}
@@ -208,14 +199,6 @@ def points(mean: float, low: float, high: float, digits: int = 0) -> str:
     return f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
-def title(scene: Scene, name: str = "", date: str = "") -> str:
-    """Return the title of a report, with the name of the project and the date if they are not empty."""
-    block = scene.block
-    size = f"{number(float(block.width))} m × {number(float(block.height))} m"
-    head = f"{name}: pendulum" if name else "Pendulum"
-    return f"{head} for a block of {size}" + (f", {date}" if date else "")
-
-
 def origin(scene: Scene) -> str:
     """Describe the block of the paper, and what differs from the paper's scene; empty for another block."""
     # The numbers decide, because a job file may list the paper's numbers without naming the paper.
@@ -242,8 +225,9 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
         scene: the scene; under harmonic excitation a title names the block of the paper.
         motion: description of the excitation; by default the function writes one.
     """
-    shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
-    block, damping = f"  block       {_block(scene)}; {shape}", f"  losses      {losses(scene.block)}"
+    own = scene.block
+    shape = f"slenderness {number(float(own.slenderness))}; topples at {toppling(own)}"
+    block, damping = f"  block       {block_of(own)}; {shape}", f"  losses      {losses(own)}"
     # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.excitation, Harmonic):
         return block, damping, f"  excitation  {motion or in_words((scene.excitation,))}"
@@ -251,11 +235,6 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     # A block of the user needs no title; the paper's block may be a wrong default.
     title = (f"Scene: {name}.",) if (name := origin(scene)) else ()
     return *title, block, motion, damping
-
-
-def block_of(scene: Scene) -> str:
-    """Describe the block and its energy losses in one sentence."""
-    return f"{_block(scene)}; topples at {_toppling(scene)}; {losses(scene.block)}"
 
 
 def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
@@ -274,20 +253,13 @@ def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
     return f"{mass} kg on a rod of {length} m{at}"
 
 
-def place_of_hinge(problem: Problem) -> str:
-    """Return the words for the place of the hinge in the block."""
-    height = problem.space.hinge_height
-    middle = "in the middle of the top"
-    return middle if height is None else f"on the axis of the block, {number(height)} m above the base"
+def toppling(block: Block) -> str:
+    """Return the toppling angle, whose tangent is the slenderness."""
+    return angle(math.atan(float(block.slenderness)))
 
 
-def _toppling(scene: Scene) -> str:
-    # The slenderness is the tangent of the toppling angle.
-    return angle(math.atan(float(scene.block.slenderness)))
-
-
-def _block(scene: Scene) -> str:
-    block = scene.block
+def block_of(block: Block) -> str:
+    """Describe the sizes of the block."""
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
     gyration, wide = block.radius_of_gyration, block.clear_width
     shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
