@@ -11,7 +11,7 @@ import tpd
 from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import ANGLES, Runs
 from tpd.design.design import Design
-from tpd.design.problem import STATED, Problem
+from tpd.design.problem import STATED, Problem, Words
 from tpd.design.refine import refine
 from tpd.scene.conditions import Conditions
 from tpd.scene.ensemble import Ensemble
@@ -84,15 +84,10 @@ class NoisyProblem(Problem):
 
     attempts: ClassVar[int] = 3
     has_earthquakes: ClassVar[bool] = False
-    excitation_in_words: ClassVar[str] = "noise"  # type: ignore[misc]
-    scope: ClassVar[str] = "noise"  # type: ignore[misc]
     usual_level: ClassVar = (0.3, "noise")  # type: ignore[misc]
-    assumed_excitation: ClassVar[str] = "noise"  # type: ignore[misc]
     # A longest length below the shortest one is no rule of thumb.
-    rule_lengths: ClassVar[tuple[float, float]] = 0.0, 1.0  # type: ignore[misc]
-    rule_swing: ClassVar[float] = 0.0  # type: ignore[misc]
-    starts_in_words: ClassVar[str] = "any"  # type: ignore[misc]
-    duration_in_words: ClassVar[str] = "runs of any duration"  # type: ignore[misc]
+    rule_sizes: ClassVar[tuple[float, float, float]] = 0.0, 1.0, 0.0  # type: ignore[misc]
+    words: ClassVar = Words("noise", "noise", "noise", "any", "runs of any duration")  # type: ignore[misc]
     count: int = 64
     unanswered: float = 0.0
     """Share of the runs without a result."""

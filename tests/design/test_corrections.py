@@ -99,7 +99,7 @@ def test_the_descents_decide_the_share_of_runs_that_overturn(chimney):
 
 def test_descents_on_smoothed_and_on_exact_orbits_end_at_the_same_design(chimney):
     made, _ = chimney
-    orbits = made._corrected(made.searched)
+    orbits = dataclasses.replace(made.searched, factors=made.laws)
     ends = {}
     for name, model in (("exact", EXACT), ("smoothed", SMOOTHED)):
         found = search(orbits, dataclasses.replace(made.method, model=model), 0, guess=made.guess)
@@ -111,7 +111,7 @@ def test_descents_on_smoothed_and_on_exact_orbits_end_at_the_same_design(chimney
 
 def test_a_law_passes_through_the_accurate_runs(chimney):
     made, _ = chimney
-    i, orbits = len(made.designs) - 1, made._corrected(made.orbits)
+    i, orbits = len(made.designs) - 1, dataclasses.replace(made.orbits, factors=made.laws)
     assert list(made.laws) == ["stroke", "clearance"]
     # The orbits with these factors have the limited quantity of the runs.
     sizes = orbits.limited(orbits.evaluate(made.designs[i][None]))

@@ -43,17 +43,17 @@ def test_in_a_cavity_a_heavy_bob_on_a_shorter_rod_is_preferred_to_a_light_bob_on
     conditions = tpd.Conditions.records([tpd.records.el_centro()], [2.0, 3.0])
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 1.0))
     problem = problem_of(block, space, conditions=conditions, validation_share=0.0)
-    guess, (longest, _) = first_guess(problem), problem.rule_lengths
+    guess, (longest, _, swing) = first_guess(problem), problem.rule_sizes
     lengths = np.linspace(guess[1], longest, 50)
     light = np.array([(space.ends[0, 0], length, guess[2]) for length in lengths])
-    assert problem.possible(light, problem.rule_swing).sum() > 5
+    assert problem.possible(light, swing).sum() > 5
     assert guess[0] > 5.0 * space.ends[0, 0]
     # No pendulum of the same damping that keeps the limits has a clearly larger product.
     rng = np.random.default_rng(0)
     others = np.stack(
         [rng.uniform(0.01, 0.1, 500), rng.uniform(0.02, longest, 500), np.full(500, guess[2])], 1
     )
-    keeps = problem.possible(others, problem.rule_swing)
+    keeps = problem.possible(others, swing)
     products = np.sqrt(others[:, 0]) * np.cbrt(others[:, 1])
     assert products[keeps].max() < 1.03 * np.sqrt(guess[0]) * np.cbrt(guess[1])
 

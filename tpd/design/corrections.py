@@ -88,7 +88,7 @@ class Corrections:
             self.progress("trial runs", i + 1, self.cheap)
             self.runs.append(problem.trial_runs(design, seed))
         # The first descents already know from cheap runs how far the bob swings.
-        corrected, every = self._corrected(self.searched), len(self.orbits.conditions)
+        corrected, every = replace(self.searched, factors=self.laws), len(self.orbits.conditions)
         self._search = search(corrected, self.method, problem.seed, self.progress, self.guess)
         if (count := len(self.searched.conditions)) < every:
             description = f"{self._search.description} under {count} of the {every} conditions"
@@ -115,10 +115,6 @@ class Corrections:
             rows = np.isfinite(value) & e.attracts.all(axis=1) & (x > 0.0)
             laws[name] = _PRIOR.with_values(designs[rows], value[rows], noise[rows])
         return laws
-
-    def _corrected(self, orbits: Orbits) -> Orbits:
-        """Return orbits with the limits as they are corrected now."""
-        return replace(orbits, factors=self.laws)
 
     def _sizes(self, i: int, runs: Runs | None = None) -> dict[str, float]:
         """Return the logarithm of every limited quantity over its limit that enough of the runs of a design
@@ -173,7 +169,7 @@ class Corrections:
 
         Corrected limits may favour another valley. The best screened designs under them are starts as well.
         """
-        orbits = self._corrected(self.searched)
+        orbits = replace(self.searched, factors=self.laws)
         units = orbits.space.scaled(self._search.screened)
         others = best_apart(units, merit_of(orbits.at(units), orbits.risk.of), _CONTINUATIONS)
         x = np.concatenate([x[:_CONTINUATIONS], units[others]])
@@ -199,7 +195,7 @@ class Corrections:
         The objective orders designs. How much of the measure a difference of the objective means follows from
         a line through the trials.
         """
-        problem, orbits = self.problem, self._corrected(self.orbits)
+        problem, orbits = self.problem, replace(self.orbits, factors=self.laws)
         e = orbits.evaluate(np.array(self.designs))
         values = orbits.value(e)
         falls = problem.reduces(self.without) != "tilt"

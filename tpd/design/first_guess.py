@@ -44,7 +44,7 @@ def first_guess(problem: Problem, swing: float | None = None, damping: float = _
     """Return the design (mu, lam, zeta) of a rule of thumb, (3,).
 
     It is the pendulum with the largest mu^(1/2) lam^(1/3) among the lengths of the rule, see
-    `Problem.rule_lengths`, that keeps the limits without any run. The reduction of the tilt under earthquakes
+    `Problem.rule_sizes`, that keeps the limits without any run. The reduction of the tilt under earthquakes
     grows with this product up to the longest rod (notebook 17). The result is None if no such design is in
     the space.
 
@@ -54,7 +54,7 @@ def first_guess(problem: Problem, swing: float | None = None, damping: float = _
         damping: damping ratio, as far as the space has it.
     """
     low, high = problem.space.ends
-    longest, shortest = problem.rule_lengths
+    longest, shortest, angle = problem.rule_sizes
     # A length outside of the bounds is no guess: the space excludes what the rule needs.
     longest, shortest = min(longest, high[1]), max(shortest, low[1])
     if longest < shortest:
@@ -62,7 +62,7 @@ def first_guess(problem: Problem, swing: float | None = None, damping: float = _
     masses, zeta = np.geomspace(high[0], low[0], _MASSES), np.clip(damping, low[2], high[2])
     lengths = np.geomspace(longest, shortest, _LENGTHS if longest > shortest else 1)
     designs = np.array([(mu, lam, zeta) for lam in lengths for mu in masses])
-    keeps = problem.possible(designs, problem.rule_swing if swing is None else swing)
+    keeps = problem.possible(designs, angle if swing is None else swing)
     # A cavity admits a light bob on a long rod, or a heavy bob on a shorter one, and the mass matters more.
     mu, lam, _ = designs.T
     return designs[np.argmax(keeps * np.sqrt(mu) * np.cbrt(lam))] if keeps.any() else None
@@ -91,7 +91,7 @@ def rule_of_thumb(problem: Problem, progress: Progress = unreported) -> np.ndarr
     if at_rest is None or (guess is not None and np.array_equal(guess, at_rest) and keeps(guess)):
         return guess
     *_, damped = problem.space.ends[1].tolist()
-    low, high = 0.0, 2.0 * problem.rule_swing
+    low, high = 0.0, 2.0 * problem.rule_sizes[-1]
     best = None
     for _ in range(_STEPS):
         # The angle of the rule comes first, because it is in the middle.

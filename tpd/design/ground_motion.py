@@ -24,7 +24,7 @@ from tpd.compiled.rows import ground_row_of
 from tpd.core import checks
 from tpd.core.formatting import number, pair_of
 from tpd.core.progress import Progress
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, Words
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.refine import Refinement, refine
 from tpd.design.risk import Risk
@@ -221,24 +221,16 @@ class GroundMotionProblem(Problem):
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
 
     @property
-    def excitation_in_words(self) -> str:
-        """See `Problem.excitation_in_words`."""
-        return f"ground motions from rest ({', '.join(f'{g.name}: {len(g.motions)}' for g in self.groups)})"
-
-    @property
-    def assumed_excitation(self) -> str:
-        """See `Problem.assumed_excitation`."""
-        return f"horizontal ground motions from rest: {'; '.join(self.conditions.description)}"
-
-    @property
-    def starts_in_words(self) -> str:
-        """See `Problem.starts_in_words`."""
-        return "block and bob begin at rest"
-
-    @property
-    def duration_in_words(self) -> str:
-        """See `Problem.duration_in_words`."""
-        return f"runs over the whole motion, and {FREE:g} s beyond its end"
+    def words(self) -> Words:
+        """See `Problem.words`."""
+        listed = ", ".join(f"{g.name}: {len(g.motions)}" for g in self.groups)
+        return Words(
+            excitation=f"ground motions from rest ({listed})",
+            scope=f"ground motions from rest ({listed})",
+            assumed=f"horizontal ground motions from rest: {'; '.join(self.conditions.description)}",
+            starts="block and bob begin at rest",
+            duration=f"runs over the whole motion, and {FREE:g} s beyond its end",
+        )
 
     def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """See `Problem.isolation`. The period is the one from which on the response spectrum stays below the
@@ -253,11 +245,6 @@ class GroundMotionProblem(Problem):
     def _weakest(self) -> list[GroundMotion]:
         """Every motion at its lowest level."""
         return self._scaled(self._every_motion(stated=True))[:: len(self._scales)]
-
-    @property
-    def scope(self) -> str:
-        """See `Problem.scope`."""
-        return self.excitation_in_words
 
     @property
     def usual_level(self) -> tuple[float, str]:
@@ -300,18 +287,13 @@ class GroundMotionProblem(Problem):
         return self._simulate(design, some, Variation(equations=equations))
 
     @property
-    def rule_lengths(self) -> tuple[float, float]:
-        """See `Problem.rule_lengths`. For earthquakes a rod of about a third of the height is best, and one
+    def rule_sizes(self) -> tuple[float, float, float]:
+        """See `Problem.rule_sizes`. For earthquakes a rod of about a third of the height is best, and one
         that is not slower than the ground motion may do harm."""
         z, gravity = float(self.scene.block.centroid), float(self.scene.gravity)
         motions = [m for m in self.conditions.motions if isinstance(m, (Pulse, Record))]
         x = np.median([float(relative_length(z, m, gravity=gravity)) for m in motions])
-        return _USUAL_LENGTH, _SLOW / float(x)
-
-    @property
-    def rule_swing(self) -> float:
-        """See `Problem.rule_swing`."""
-        return usual_stroke(self.limits)
+        return _USUAL_LENGTH, _SLOW / float(x), usual_stroke(self.limits)
 
     def validation_runs(
         self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None

@@ -21,7 +21,7 @@ from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, Words
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
@@ -31,7 +31,9 @@ from tpd.limits import (
     DEFAULT_LIMITS,
     Objective,
     Settling,
+    Worsening,
     check_objective,
+    limit_of,
     stroke_limit,
     usual_stroke,
 )
@@ -186,8 +188,12 @@ class HarmonicProblem(Problem):
         """Symmetric orbits of designs under all conditions."""
         common = self._parameters, self.conditions, self.space, self.risk, self.limits
         orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
-        # Limits that compare with the block without a pendulum need its tilts.
-        return orbits.compared_without_pendulum()
+        if limit_of(self.limits, Worsening) is None:
+            return orbits
+        # This limit compares with the tilts of the block without a pendulum.
+        e = orbits.evaluate(np.array([NO_PENDULUM]))
+        tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
+        return replace(orbits, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
     def harm_from_rest(self, exact: Any) -> list[Reason]:
         """Return a reason if the block overturns from rest under significantly more conditions.
@@ -205,55 +211,36 @@ class HarmonicProblem(Problem):
         return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
     @property
-    def excitation_in_words(self) -> str:
-        """See `Problem.excitation_in_words`."""
-        peak = number(float(self.scene.peak), 3)
-        return f"{self.scene.excitation.in_words}, largest acceleration {peak} g"
-
-    @property
-    def assumed_excitation(self) -> str:
-        """See `Problem.assumed_excitation`."""
-        motion, g = self.scene.excitation, number(self.scene.gravity)
+    def words(self) -> Words:
+        """See `Problem.words`."""
+        motion, e, g = self.scene.excitation, self.ensemble, number(self.scene.gravity)
         more = "" if len(self.conditions) == 1 else ", with the changes of the conditions"
         sine = f"{number(motion.amplitude)} m · sin(2π · {number(motion.frequency)} Hz · t)"
-        return f"horizontal harmonic motion of the base in the plane of the block, {sine}{more}; g = {g} m/s²"
-
-    @property
-    def starts_in_words(self) -> str:
-        """See `Problem.starts_in_words`."""
-        e, frequency = self.ensemble, float(self.scene.excitation.frequency)
+        column, own = self.conditions.column, float(motion.frequency)
         share, most = percent(e.disturbed), max(e.tilt, e.tilt_rate)
         growth = ", or ".join(
-            f"grows over {x:g} periods ({number(x / frequency, 3)} s)" if x else "begins suddenly"
-            for x in e.growth
+            f"grows over {x:g} periods ({number(x / own, 3)} s)" if x else "begins suddenly" for x in e.growth
         )
-        return (
-            f"block and bob begin at rest. Of the runs {share} begin after a disturbance: a tilt "
+        hertz, metres = motion.frequency * column("frequency"), motion.amplitude * column("amplitude")
+        low, high = (number(float(x), 3) for x in (hertz.min(), hertz.max()))
+        size = f"{'up to ' * (metres.min() < metres.max())}{number(float(metres.max()), 3)} m"
+        return Words(
+            excitation=f"{motion.in_words}, largest acceleration {number(float(self.scene.peak), 3)} g",
+            scope=f"a harmonic of {low if low == high else f'{low} to {high}'} Hz and {size}",
+            assumed="horizontal harmonic motion of the base in the plane of the block, "
+            f"{sine}{more}; g = {g} m/s²",
+            starts=f"block and bob begin at rest. Of the runs {share} begin after a disturbance: a tilt "
             f"of up to {percent(most)} of the toppling tilt, a bob angle of up to {number(e.swing)} rad, and "
             "rates of the same size per unit of dimensionless time. The excitation "
-            f"{growth}, in equal shares of the runs"
+            f"{growth}, in equal shares of the runs",
+            duration=f"runs of {e.periods} periods ({number(e.periods / own, 3)} s), or until the motion "
+            "repeats",
         )
-
-    @property
-    def duration_in_words(self) -> str:
-        """See `Problem.duration_in_words`."""
-        n, frequency = self.ensemble.periods, float(self.scene.excitation.frequency)
-        return f"runs of {n} periods ({number(n / frequency, 3)} s), or until the motion repeats"
 
     def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """Return the period for the lowest frequency only; see `Problem.isolation`."""
         lowest = float(self.scene.excitation.frequency * np.min(self.conditions.column("frequency")))
         return np.array([math.sqrt(1.0 + level / self.at_rest.uplift) / lowest]), 0.0
-
-    @property
-    def scope(self) -> str:
-        """See `Problem.scope`."""
-        motion, column = self.scene.excitation, self.conditions.column
-        hertz, metres = motion.frequency * column("frequency"), motion.amplitude * column("amplitude")
-        band, sizes = ((float(x.min()), float(x.max())) for x in (hertz, metres))
-        low, high = (number(x, 3) for x in band)
-        size = f"{'up to ' * (sizes[0] < sizes[1])}{number(sizes[1], 3)} m"
-        return f"a harmonic of {low if low == high else f'{low} to {high}'} Hz and {size}"
 
     @property
     def usual_level(self) -> tuple[float, str]:
@@ -333,16 +320,11 @@ class HarmonicProblem(Problem):
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
     @property
-    def rule_lengths(self) -> tuple[float, float]:
-        """See `Problem.rule_lengths`: the length of the lightest pendulum that prevents uplift of a settled
+    def rule_sizes(self) -> tuple[float, float, float]:
+        """See `Problem.rule_sizes`: the length of the lightest pendulum that prevents uplift of a settled
         block."""
         length = float(lightest_pendulum(self.scene.parameters(), usual_stroke(self.limits)).lam)
-        return length, length
-
-    @property
-    def rule_swing(self) -> float:
-        """See `Problem.rule_swing`."""
-        return 0.0
+        return length, length, 0.0
 
     def validation_runs(
         self, design: np.ndarray | None, seed: int, varied: Variation = STATED, progress: Any = None

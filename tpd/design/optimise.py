@@ -214,8 +214,7 @@ def _is_better(searched: Validation, rule: Validation) -> bool:
     rule in the same runs."""
     if searched.status not in VALIDATED or searched.runs is None or rule.runs is None:
         return False
-    measure = "tilt" if rule.measure == "tilt" else "overturning"
-    return searched.runs.reduction_minus(rule.runs, measure).low > 0.0
+    return searched.runs.reduction_minus(rule.runs, rule.measure_of_runs).low > 0.0
 
 
 _SIZES = "mass", "length", "damping_ratio"

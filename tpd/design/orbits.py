@@ -14,7 +14,7 @@ the smoothed model where there is no orbit to follow: where the block rests, and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,14 +29,13 @@ from tpd.design.power_law import PowerLaw
 from tpd.design.risk import Risk
 from tpd.design.sizes import NEAR, NONE, REST, ROCKING, UNSTABLE, Evaluation, Size, evaluate_sizes
 from tpd.design.space import DesignSpace
-from tpd.limits import LIMIT_KINDS, Limit, Objective, SteadyTilt, Worsening
+from tpd.limits import LIMIT_KINDS, Limit, Objective, SteadyTilt
 from tpd.models.half_period import half_period, newton, remaining
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
-from tpd.scene.scene import NO_PENDULUM
 from tpd.theory.no_uplift import uplift
 
 _PAIRS = 16_384
@@ -118,15 +117,6 @@ class Orbits:
         """Whether the objective, or a limit of a user, can depend on what remains of a disturbance."""
         of_orbits = (x for x in (self.objective, *self.limits) if not x.of_motion)
         return any(type(x) not in LIMIT_KINDS for x in of_orbits)
-
-    def compared_without_pendulum(self) -> Orbits:
-        """Return this objective with the tilts of the block without a pendulum, for limits that compare with
-        them."""
-        if not any(isinstance(limit, Worsening) for limit in self.limits):
-            return self
-        e = self.evaluate(np.array([NO_PENDULUM]))
-        tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
-        return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
     def margins(self, designs: np.ndarray) -> np.ndarray:
         """Return the uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""

@@ -103,6 +103,21 @@ STATED = Variation()
 """No change: the validation runs."""
 
 
+class Words(NamedTuple):
+    """Words for the excitation and for the validation runs of a problem."""
+
+    excitation: str
+    """The excitation."""
+    scope: str
+    """The excitations for which a verdict holds."""
+    assumed: str
+    """The excitation as the runs assume it."""
+    starts: str
+    """Initial states of the validation runs and beginning of the excitation."""
+    duration: str
+    """Duration of the validation runs."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Problem(ABC):
     """Inputs of `tpd.optimise`, complete and checked, and the runs that evaluate a design."""
@@ -291,42 +306,14 @@ class Problem(ABC):
 
     @property
     @abstractmethod
-    def excitation_in_words(self) -> str:
-        """Words for the excitation."""
-
-    @property
-    @abstractmethod
-    def assumed_excitation(self) -> str:
-        """Words for the excitation as the runs assume it."""
-
-    @property
-    @abstractmethod
-    def starts_in_words(self) -> str:
-        """Words for the initial states of the validation runs and for the beginning of the excitation."""
-
-    @property
-    @abstractmethod
-    def duration_in_words(self) -> str:
-        """Words for the duration of the validation runs."""
-
-    @property
-    def runs_in_words(self) -> str:
-        """Sentences on starts, duration and outcome of the validation runs."""
-        return (
-            f"Starts: {self.starts_in_words}. Duration: {self.duration_in_words}. A run counts as "
-            "overturned if the tilt passes the toppling angle and the block cannot return."
-        )
+    def words(self) -> Words:
+        """Words for the excitation and for the validation runs."""
 
     @abstractmethod
     def isolation(self, level: float) -> tuple[np.ndarray, float]:
         """Return the smallest periods (s) of a base isolation that transmits less acceleration than lifts the
         block, one for each motion with the peak acceleration `level` (g), and the damping ratio of the
         isolation."""
-
-    @property
-    @abstractmethod
-    def scope(self) -> str:
-        """Words for the excitations for which a verdict holds."""
 
     @property
     @abstractmethod
@@ -408,7 +395,7 @@ class Problem(ABC):
         because = "".join(f", because {x}" for x in self.missing)
         # A smaller tilt does not mean that fewer runs overturn.
         by = ", by the mean tilt" if self.requirements.reduce == "tilt" else ""
-        return f"{status.head} for {self.scope}{by}{because}. This is not a safety assessment."
+        return f"{status.head} for {self.words.scope}{by}{because}. This is not a safety assessment."
 
     @abstractmethod
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Any:
@@ -436,13 +423,9 @@ class Problem(ABC):
 
     @property
     @abstractmethod
-    def rule_lengths(self) -> tuple[float, float]:
-        """Longest and shortest length ratio that a rule of thumb allows for."""
-
-    @property
-    @abstractmethod
-    def rule_swing(self) -> float:
-        """Bob angle (rad) at which a pendulum of the rule must keep the limits; 0 if orbits show it."""
+    def rule_sizes(self) -> tuple[float, float, float]:
+        """Longest and shortest length ratio that a rule of thumb allows for, and the bob angle (rad) at which
+        its pendulum must keep the limits; 0 if orbits show it."""
 
     @abstractmethod
     def _groups_of(self, runs: Runs) -> dict[str, Any]:

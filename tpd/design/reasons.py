@@ -201,19 +201,23 @@ class Reason:
         if self.kind in of_limits and math.isnan(self.value):
             return math.inf
         match self.kind:
-            case ReasonKind.overturns_more:
-                return abs(self.value - self.reference) / max(self.total, 1)
-            case ReasonKind.rests_less:
+            case kinds.overturns_more:
+                return excess / max(self.total, 1)
+            case kinds.rests_less:
                 return (self.low - self.value) / max(self.total, 1)
-            case ReasonKind.no_benefit:
-                return max(excess, 0.0)
-            case kinds.touches_wall | kinds.exceeds_limit | kinds.worse_condition | kinds.slides:
+            case (
+                kinds.touches_wall
+                | kinds.exceeds_limit
+                | kinds.worse_condition
+                | kinds.no_benefit
+                | kinds.slides
+            ):
                 return excess
-            case ReasonKind.too_little_benefit if math.isfinite(self.value):
+            case kinds.too_little_benefit if math.isfinite(self.value):
                 # A benefit that is large enough may still be rejected because it is not significant. The
                 # shortfall is then the distance of the interval from zero.
                 return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
-            case ReasonKind.breaks_limit:
+            case kinds.breaks_limit:
                 # An increase is related to the whole quantity, and a lower bound is missed from above.
                 return abs(excess) / (self.reference + self.is_increase)
             case _:

@@ -247,6 +247,7 @@ class Refinement:
         validation rejected; None if no design is likely to keep the limits."""
         # The first comparison only corrects the trends, before which the choice would be one of chance. After
         # a rejection they are corrected already.
+        apart = list[Comparison]()
         for turn in range(len(rejected) > 0, _COMPARISONS):
             # The comparisons show by how much the trends of the limits are wrong. If that is not enough,
             # designs further inside follow. Otherwise only trials far away would keep the limits.
@@ -255,11 +256,12 @@ class Refinement:
             for design in self._pool([*rejected, *(c.design for c in self.comparisons)])[: _COUNTS[turn > 0]]:
                 self.progress("comparing", done := len(self.comparisons) + 1, max(done, sum(_COUNTS)))
                 self.compare(design)
-            kept = [c for c in self._eligible(rejected) if self._excess_of(c) <= _NOISE]
+            apart = [c for c in self.comparisons if self._is_apart(c.design, rejected)]
+            kept = [c for c in apart if self._excess_of(c) <= _NOISE]
             if kept and turn:
                 return min(kept, key=lambda c: c.merit).design
         # A design that exceeds a limit by more is no pendulum that the validation should call a danger.
-        every = [c for c in self._eligible(rejected) if self._excess_of(c) <= _MOST_EXCESS]
+        every = [c for c in apart if self._excess_of(c) <= _MOST_EXCESS]
         return min(every, key=self._excess_of).design if every else None
 
     def compare(self, design: np.ndarray) -> None:
@@ -273,10 +275,6 @@ class Refinement:
         """Return the largest logarithm of a limited quantity over its limit in the runs of a comparison."""
         excess = [x + self.allowance.get(name, 0.0) for name, x in c.sizes.items()]
         return float(np.max(np.nan_to_num([-np.inf, *excess], nan=np.inf)))
-
-    def _eligible(self, rejected: Sequence[np.ndarray]) -> list[Comparison]:
-        """Return the compared designs that lie apart from rejected ones."""
-        return [c for c in self.comparisons if self._is_apart(c.design, rejected)]
 
     def _pool(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return the trials (m, 3) that keep the limits, best first, apart from each other and from other

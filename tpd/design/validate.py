@@ -85,6 +85,12 @@ class Validation:
         return self.deciding_runs if self.reported_runs is None else self.reported_runs
 
     @property
+    def measure_of_runs(self) -> str:
+        """Measure by which other runs are compared with these. A rate is compared by the share of the runs
+        that overturn, because these runs have one level each."""
+        return "tilt" if self.measure == "tilt" else "overturning"
+
+    @property
     def refusals(self) -> tuple[str, ...]:
         """Sentences against the design, dangers first."""
         return tuple(map(str, one_of_a_kind(self.reasons)))

@@ -142,10 +142,7 @@ def dependences(
 
 def measure_of(best: Validation | None) -> str:
     """Return the measure by which variations are compared; empty if no pendulum is recommended."""
-    if best is None or best.status not in OFFERED:
-        return ""
-    # A rate is compared by the share of the runs that overturn, because these runs have one level each.
-    return "tilt" if best.measure == "tilt" else "overturning"
+    return "" if best is None or best.status not in OFFERED else best.measure_of_runs
 
 
 def pairs(

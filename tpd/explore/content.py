@@ -239,7 +239,8 @@ def _trials(problem: HarmonicProblem, start: Pendulum, axes: list[GridAxis]) -> 
     scatter |= {"phase": runs.begin * runs.p.xi, "growth": runs.growth, "start": runs.y0}
     starts = {"all starts": np.ones(_RUNS)} | alone.starts
     return {
-        "words": problem.runs_in_words,
+        "words": f"Starts: {problem.words.starts}. Duration: {problem.words.duration}. A run counts as "
+        "overturned if the tilt passes the toppling angle and the block cannot return.",
         "scatter": {name: x.tolist() for name, x in scatter.items()},
         "kinds": {label: np.flatnonzero(rows).tolist() for label, rows in starts.items()},
         "without": alone.share_overturned.value,

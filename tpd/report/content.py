@@ -212,9 +212,9 @@ def _hypotheses(design: Design) -> Table:
             "pendulum",
             f"point mass on a massless rod, with a viscous damper at the hinge {hinge}",
         ),
-        ("excitation", problem.assumed_excitation),
-        ("starts", problem.starts_in_words),
-        ("duration", problem.duration_in_words),
+        ("excitation", problem.words.assumed),
+        ("starts", problem.words.starts),
+        ("duration", problem.words.duration),
         # Many sentences of the report count runs by their outcome, which is defined here only.
         ("overturned", "the tilt passes the toppling angle, and the block cannot return"),
         ("surviving runs", "runs in which the block does not overturn"),

@@ -154,7 +154,7 @@ def rows_of(design: Design, details: Details) -> Iterator[Row]:
     """Yield further rows of the report: block, excitation, conditions, starts, limits and friction."""
     block = design.scene.block
     yield "block", f"{words.block_of(block)}; topples at {words.toppling(block)}; {words.losses(block)}"
-    yield "excitation", design.problem.excitation_in_words
+    yield "excitation", design.problem.words.excitation
     yield "uplift", design.problem.at_rest.lifting_in_words
     yield "sliding", design.problem.at_rest.sliding_in_words
     # Without further conditions the design is for the excitation of the scene only.
@@ -162,7 +162,7 @@ def rows_of(design: Design, details: Details) -> Iterator[Row]:
     if design.runs is not None and design.best is not None:
         yield "required", required(design)
         yield "benefit", design.result
-        yield "runs", f"{design.problem.starts_in_words}; {design.problem.duration_in_words}"
+        yield "runs", f"{design.problem.words.starts}; {design.problem.words.duration}"
         if first := design.problem.first_overturning(design.runs.without_pendulum):
             with_it = design.problem.first_overturning(design.runs.with_pendulum)
             yield "pulses", f"without a pendulum {first}; with it {with_it}"
