@@ -38,9 +38,7 @@ INTERNAL = {
     "Assessment": "guess measures verdict",
     "Bob": "inertia_share reach rod_share",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
-    "Design": (
-        "again at_bounds equivalent exact_motions is_harmful paths remedy rod_angle search sliding swing"
-    ),
+    "Design": ("at_bounds equivalent exact_motions is_danger remedy rod_angle search sliding swing"),
     "DesignSpace": (
         "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes unscaled"
     ),

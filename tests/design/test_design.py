@@ -19,7 +19,7 @@ def test_a_recommended_design_has_a_pendulum_and_its_validation_runs(harmonic):
     assert harmonic.benefit == best.reported_runs.benefit
     assert harmonic.risks == pytest.approx(best.reported_runs.severity.mean(axis=1))
     np.testing.assert_array_equal(harmonic.nearest, best.design)
-    assert (harmonic.refusals, harmonic.is_harmful) == ((), False)
+    assert (harmonic.refusals, harmonic.best.is_harmful) == ((), False)
     assert len(harmonic.rod_angle) == best.reported_runs.with_pendulum.stands.sum()
     assert 0.0 < harmonic.swing < 0.5 == harmonic.stroke_limit
     lines = str(harmonic).splitlines()
@@ -52,13 +52,13 @@ def test_the_best_rejected_design_has_the_smallest_violation(rejected):
     near = dataclasses.replace(rejected.validated[0])
     shown = dataclasses.replace(rejected, validated=(early, far, near))
     assert shown.best is near
-    assert dataclasses.replace(rejected, validated=(far, early)).is_harmful
+    assert dataclasses.replace(rejected, validated=(far, early)).best.is_harmful
 
 
 def test_a_design_without_a_pendulum_has_no_numbers():
     found = solve_problem(NoisyProblem.of(calm=True))
     assert (found.pendulum, found.best, found.runs, found.benefit, found.nearest) == (None,) * 5
-    assert (found.refusals, found.usage, found.is_harmful, found.swing) == ((), {}, False, 0.0)
+    assert (found.refusals, found.usage, found.is_danger, found.swing) == ((), {}, False, 0.0)
     assert np.isnan(found.risks).all()
     assert str(found) == found.verdict == found.problem.needless
 
@@ -75,7 +75,7 @@ def test_a_pendulum_far_beyond_a_limit_is_not_validated():
     """The trials alone keep the limit, and all compared designs exceed it by more than 5 %."""
     found = solve_problem(Swings(**NoisyProblem.of().inputs))
     assert (found.status, found.validated) == (DesignStatus.none_feasible, ())
-    assert not found.is_harmful
+    assert not found.is_danger
     assert found.verdict.startswith("NOT RECOMMENDED: the design exceeds the limit on stroke: 0.")
     assert found.verdict.endswith(" rad, but at most 0.5 is allowed.")
 
@@ -92,10 +92,10 @@ def test_a_design_without_validation_records_claims_no_benefit(ground):
 
 def test_the_arguments_of_a_design_define_an_equal_problem(harmonic, ground):
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.05))
-    again = harmonic.again(space=space)
+    again = harmonic.problem.inputs | {"space": space}
     assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
-    assert set(harmonic.again()) - set(ground.again()) == {"starts", "objective"}
-    assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}
+    assert set(harmonic.problem.inputs) - set(ground.problem.inputs) == {"starts", "objective"}
+    assert set(ground.problem.inputs) - set(harmonic.problem.inputs) == {"validation_share"}
     assert harmonic.exact_motions == (harmonic.problem.without_pendulum, harmonic.best.exact)
     assert ground.exact_motions == ()
 

@@ -124,7 +124,7 @@ def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
 
 
 def test_a_seed_determines_the_design_and_another_seed_changes_the_runs(harmonic):
-    assert same(tpd.optimise(**harmonic.again()), harmonic)
+    assert same(tpd.optimise(**harmonic.problem.inputs), harmonic)
     other = designs.harmonic_design(1)
     seeds = [
         {runs.with_pendulum.seed for v in d.validated for runs in (v.deciding_runs, v.reported_runs) if runs}
@@ -159,7 +159,7 @@ def test_all_earthquakes_validate_the_rule_and_the_search_is_cross_fitted(ground
     # The better one of two pendulums that pass is the last one only by a significant difference.
     difference = searched.runs.reduction_minus(rule.runs, "tilt")
     assert (ground.best is searched) == (rule.status not in OFFERED or difference.low > 0.0)
-    assert same(tpd.optimise(**ground.again()), ground)
+    assert same(tpd.optimise(**ground.problem.inputs), ground)
 
 
 def test_the_method_rule_ends_without_a_search():

@@ -107,7 +107,7 @@ def _by_curve(curves: Fragility, hazard: Hazard) -> Iterator[str]:
     ):
         factor = hazard.factor(curves.measure)
         years = (1.0 / hazard.annual_rate(factor * c.fit.median, c.fit.dispersion) for c in fits)
-        listed = " and ".join(number(float(x), 3) for x in years)
+        listed = " and ".join(number(x, 3) for x in years)
         misfit = max(float(np.nanmax(np.abs(c.shares - c.fit.probability(curves.stripes)))) for c in fits)
         points = f"differ from the shares of the runs by at most {number(100.0 * misfit, 2)} points"
         yield f"By the fitted curves the return period is {listed} years; the curves {points}"

@@ -86,8 +86,8 @@ def parser(about: str, version: str) -> Parser:
     for name, add_options in COMMANDS.items():
         text = texts[name]
         end = text.get("exit_status", _DONE)
-        command = commands.add_parser(name, help=text["summary"], description=text["description"], epilog=end)
-        command.have_short_help(text["summary"], text["common"].split(), text["example"])
+        short = {key: text[key] for key in ("summary", "common", "example", "description")}
+        command = commands.add_parser(name, help=text["summary"], epilog=end, **short)
         command.set_defaults(activity=text.get("activity", ""))
         add_options(command)
     return top

@@ -11,7 +11,6 @@ import json
 import re
 import sys
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -32,27 +31,26 @@ class _HelpAll(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """Parser that reports an error in one sentence, accepts no abbreviated options, and has a short help."""
 
-    _summary = ""
-    """Sentence of the short help; empty if the parser has one help only."""
-    _common: Sequence[str] = ()
-    """Names of the arguments in the short help. The first has no hyphens."""
-    example = ""
-    """End of the help: an example in a separate line."""
+    def __init__(self, *, summary: str = "", common: str = "", example: str = "", **settings: Any) -> None:
+        """Let `--help` show only a sentence, the common arguments and an example. `--help-all` shows all
+        arguments.
 
-    def __init__(self, **settings: Any) -> None:
+        Args:
+            summary: the sentence; empty if the parser has one help only.
+            common: names of the common arguments. The first has no hyphens.
+            example: the example.
+            settings: arguments of `argparse.ArgumentParser`.
+        """
         # An abbreviation that is unique today may be ambiguous in the next version.
         super().__init__(**{"allow_abbrev": False, **settings})
-
-    def have_short_help(self, summary: str, common: Sequence[str], example: str) -> None:
-        """Let `--help` show only a sentence, the common arguments and an example. `--help-all` shows all
-        arguments."""
-        self._summary, self._common = f"{summary[:1].upper()}{summary[1:]}.", common
+        self._summary, self._common = f"{summary[:1].upper()}{summary[1:]}.", common.split()
         self.example = f"\nExample:\n  {example}\n"
-        self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain all options and exit")
+        if summary:
+            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain all options and exit")
 
     def format_help(self) -> str:
         """Return the text of `--help`: for a command the arguments that most people need."""
-        if not self._summary:
+        if not self._common:
             return super().format_help()
         # An argument without hyphens, such as JOB, is named by its placeholder.
         named = {name: x for x in self._actions for name in (*x.option_strings, x.metavar)}

@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         lines = [*_lines(job.motions[0], rows[0])]
     else:
         notes = ["; ".join(getattr(note, "kind", note) for note in row["notes"]) for row in rows]
-        cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
+        cells = ([number(row[key]) for key in _TABLE] for row in rows)
         # Notes are shortened to their kinds. The table in CSV has the whole notes.
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 def _lines(record: Record, row: dict[str, Any]) -> Iterator[str]:
     """Yield the lines about a single record."""
     duration, first = row["significant_s"], row["significant_from_s"]
-    yield f"  peak acceleration (PGA)  {number(row['pga_g'])} g = {number(float(record.pga))} m/s^2"
+    yield f"  peak acceleration (PGA)  {number(row['pga_g'])} g = {number(record.pga)} m/s^2"
     yield f"  peak velocity (PGV)      {number(row['pgv_m_s'])} m/s"
     yield f"  peak displacement (PGD)  {number(row['pgd_m'])} m"
     ends = f"{number(first)} to {number(first + duration)} s"

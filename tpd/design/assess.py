@@ -106,7 +106,7 @@ class Assessment(Printed):
             return ""
         pendulum = self.problem.pendulum(design)
         values = pendulum.mass, pendulum.length, pendulum.damping_ratio
-        mass, length, zeta = (number(float(x), 2) for x in values)
+        mass, length, zeta = (number(x, 2) for x in values)
         return (
             f"Rule of thumb for a pendulum, without a search: an equivalent point mass of {mass} kg on a rod "
             f"of {length} m with a damping ratio of {zeta}. Only `tpd optimise` and `tpd check` validate it."

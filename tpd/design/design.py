@@ -126,8 +126,9 @@ class Design(Printed):
 
     @property
     def is_danger(self) -> bool:
-        """Whether the verdict is a danger: the best design is harmful, and none is offered."""
-        return self.pendulum is None and self.is_harmful
+        """Whether the verdict is a danger: none is offered, and with the best design the block overturns more
+        often or the bob touches a wall."""
+        return self.pendulum is None and self.best is not None and self.best.is_harmful
 
     @cached_property
     def verdict(self) -> str:
@@ -201,11 +202,6 @@ class Design(Printed):
         )
 
     @property
-    def paths(self) -> tuple[np.ndarray, ...]:
-        """Designs (mu, lam, zeta) along each descent, each (steps, 3); empty under ground motions."""
-        return () if self.search is None else self.search.paths
-
-    @property
     def at_bounds(self) -> list[str]:
         """Words for the bounds of the design space that the best design lies on. A better design may exist
         beyond these bounds."""
@@ -218,7 +214,7 @@ class Design(Printed):
 
     def _word(self, i: int, side: int = 0) -> str:
         """Return words for a bound of the i-th parameter, with its value."""
-        return f"{('mass', 'length', 'damping')[i]} ratio, {number(float(self.space.ends[side, i]), 3)}"
+        return f"{('mass', 'length', 'damping')[i]} ratio, {number(self.space.ends[side, i], 3)}"
 
     @property
     def remedy(self) -> str:
@@ -234,11 +230,6 @@ class Design(Printed):
         fixed = [f"fixed {self._word(i)}" for i in range(3) if i not in self.space.searched]
         listed = "; ".join([*limits, *fixed, *self.at_bounds])
         return listed and f"these could give another answer: {listed}"
-
-    @property
-    def is_harmful(self) -> bool:
-        """Whether, with the best design, the block overturns more often or the bob touches a wall."""
-        return self.best is not None and self.best.is_harmful
 
     @cached_property
     def sliding(self) -> Sliding | None:
@@ -305,10 +296,6 @@ class Design(Printed):
     def stroke_limit(self) -> float:
         """Largest settled bob angle (rad) that the limits allow."""
         return stroke_limit(self.problem.limits)
-
-    def again(self, **changed: Any) -> dict[str, Any]:
-        """Return the arguments of `tpd.optimise` that state the same problem, with some of them changed."""
-        return self.problem.inputs | changed
 
     def __str__(self) -> str:
         lines, pendulum = [f"{'DANGER: ' * self.is_danger}{self.verdict}"], self.pendulum

@@ -222,10 +222,10 @@ class HarmonicProblem(Problem):
             f"grows over {x:g} periods ({number(x / own, 3)} s)" if x else "begins suddenly" for x in e.growth
         )
         hertz, metres = motion.frequency * column("frequency"), motion.amplitude * column("amplitude")
-        low, high = (number(float(x), 3) for x in (hertz.min(), hertz.max()))
-        size = f"{'up to ' * (metres.min() < metres.max())}{number(float(metres.max()), 3)} m"
+        low, high = (number(x, 3) for x in (hertz.min(), hertz.max()))
+        size = f"{'up to ' if metres.min() < metres.max() else ''}{number(float(metres.max()), 3)} m"
         return Words(
-            excitation=f"{motion.in_words}, largest acceleration {number(float(self.scene.peak), 3)} g",
+            excitation=f"{motion.in_words}, largest acceleration {number(self.scene.peak, 3)} g",
             scope=f"a harmonic of {low if low == high else f'{low} to {high}'} Hz and {size}",
             assumed="horizontal harmonic motion of the base in the plane of the block, "
             f"{sine}{more}; g = {g} m/s²",

@@ -196,32 +196,22 @@ class Reason:
     def shortfall(self) -> float:
         """Amount by which the requirement is missed, as a share of the runs, of the tilt or of the limit."""
         kinds, excess = ReasonKind, self.value - self.reference
-        of_limits = kinds.breaks_limit, kinds.touches_wall, kinds.exceeds_limit, kinds.slides
-        # A quantity that is not known is no limit that is kept.
-        if self.kind in of_limits and math.isnan(self.value):
-            return math.inf
         match self.kind:
             case kinds.overturns_more:
                 return excess / max(self.total, 1)
             case kinds.rests_less:
                 return (self.low - self.value) / max(self.total, 1)
-            case (
-                kinds.touches_wall
-                | kinds.exceeds_limit
-                | kinds.worse_condition
-                | kinds.no_benefit
-                | kinds.slides
-            ):
-                return excess
             case kinds.too_little_benefit if math.isfinite(self.value):
                 # A benefit that is large enough may still be rejected because it is not significant. The
                 # shortfall is then the distance of the interval from zero.
-                return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
-            case kinds.breaks_limit:
-                # An increase is related to the whole quantity, and a lower bound is missed from above.
-                return abs(excess) / (self.reference + self.is_increase)
-            case _:
+                return max(-excess, -max(self.low, -1.0), 0.0)
+            case kinds.too_little_benefit | kinds.undecided:
                 return 1.0
+        # An increase is related to the whole quantity, and a lower bound is missed from above.
+        if self.kind is kinds.breaks_limit:
+            excess = abs(excess) / (self.reference + self.is_increase)
+        # A quantity that is not known is no limit that is kept.
+        return math.inf if math.isnan(excess) else excess
 
     @property
     def is_increase(self) -> bool:

@@ -210,7 +210,7 @@ def _linear(problem: Problem, best: Validation) -> Iterator[Variation]:
                 yield varied._replace(scene=replace(scene, block=replace(block, **own)))
     for name, other in loss_models(scene).items():
         if other != block:
-            size = f"k = {number(float(other.friction), 3)}, e = {number(float(other.velocity_ratio), 4)}"
+            size = f"k = {number(other.friction, 3)}, e = {number(other.velocity_ratio, 4)}"
             words = f"losses by {name} ({size})"
             yield linear("losses", name, words=words, scene=replace(scene, block=other))
     # nu is 90 % of its value. Where rho does not follow nu it changes so little that it keeps its value.
@@ -303,7 +303,7 @@ def _wider_bases(problem: Problem, best: Validation, rows: Sequence[Dependence])
         with suppress(ValueError):
             block = problem.scene.block.widened(1.0 + widening)
             if widening == WIDENING or is_short == (widening > WIDENING):
-                words = f"base {percent(widening)} wider, {number(float(block.width))} m, no pendulum"
+                words = f"base {percent(widening)} wider, {number(block.width)} m, no pendulum"
                 yield Variation("base", "", widening, words, scene=replace(problem.scene, block=block))
 
 

@@ -65,7 +65,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         ValueError: the trials of the design have no trend, for example because no pendulum is needed.
     """
     trials, best, space = design.trials, design.nearest, design.space
-    if trials is None or best is None or (trials.risk is None and not design.paths):
+    if trials is None or best is None or (trials.risk is None and design.search is None):
         raise ValueError("`design` must have descents or a trend of trial runs, but has neither")
     ax = cast(Axes, new_axes(size=(7.0, 5.0)) if ax is None else ax)
     if len(space.names) == 1:
@@ -74,7 +74,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         return _curve(ax, design, trials, best)
     axes, (low, high) = space.searched[:2], space.bounds[:, :2]
     x, y = np.linspace(low, high, _GRID).T
-    if design.paths:
+    if design.search is not None:
         x, y = np.geomspace(np.maximum(low, 1e-3 * high), high, _COARSE).T
     designs = np.tile(best, (x.size * y.size, 1))
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -83,9 +83,9 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     where = f"at {'μλζ'[other]} = {best[other]:.2g} (-)"
     across, up = (LABELS[name] for name in space.names[:2])
     ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
-    (_descents if design.paths else _trials)(ax, design, x, y, designs, where)
+    (_trials if design.search is None else _descents)(ax, design, x, y, designs, where)
     # A recommended design is the last validated one and has no reasons.
-    rejected = [] if design.paths else [v.design[axes] for v in design.validated if v.reasons]
+    rejected = [v.design[axes] for v in design.validated if v.reasons and design.search is None]
     _star(ax, design, best[axes])
     _points(ax, np.array(rejected), "X", 7.0, "rejected by the validation", "white")
     legend(ax)

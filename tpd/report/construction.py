@@ -24,7 +24,7 @@ def _sizes(design: Design, build: Build) -> Table:
     pendulum, loads = design.pendulum, build.loads
     # `section` has checked this.
     assert pendulum is not None
-    zeta = number(float(pendulum.damping_ratio))
+    zeta = number(pendulum.damping_ratio)
     mass = point(pendulum)
     body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
     if math.isfinite(build.mass):
@@ -36,7 +36,7 @@ def _sizes(design: Design, build: Build) -> Table:
     # The uplift acceleration depends on the frequency of the excitation. Its limits for slow and fast
     # motions have closed forms.
     slow, fast = build.uplift_slow_fast
-    without = f"without the pendulum {number(float(design.scene.uplift))} g"
+    without = f"without the pendulum {number(design.scene.uplift)} g"
     lifts = "base acceleration that lifts the block"
     quick = "much faster than the pendulum; near its natural frequency it can be below both values"
     rows: list[tuple[Cell, ...]] = [

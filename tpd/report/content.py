@@ -128,7 +128,7 @@ def content(
     project: Mapping[str, Any] = job.full["project"] if job else {}
     name, folder = project.get("name") or "", directory if job else None
     first, drawn = summary(design, details, folder), figures(design, details)
-    width, height = (number(float(x)) for x in (design.scene.block.width, design.scene.block.height))
+    width, height = (number(x) for x in (design.scene.block.width, design.scene.block.height))
     size = f" for a block of {width} m × {height} m{', ' * bool(date)}{date}"
 
     def picture(file: str) -> list[Block]:
@@ -161,7 +161,7 @@ def figures(design: Design, details: Details) -> dict[str, Figure]:
     has_data = {
         "benefit.svg": design.runs is not None,
         "search.png": design.trials is not None
-        and (design.trials.risk is not None or (bool(design.paths) and len(design.space.names) > 1)),
+        and (design.trials.risk is not None or (design.search is not None and len(design.space.names) > 1)),
         "response.svg": bool(details.responses),
         "motion.svg": bool(details.histories),
         "drawing.svg": True,
@@ -192,11 +192,11 @@ def _hypotheses(design: Design) -> Table:
         ("block", f"rigid; {'uniform rectangle' if gyration is None else radius}"),
         (
             "b, height of the centroid",
-            f"{number(float(block.centroid))} m, on the middle line",
+            f"{number(block.centroid)} m, on the middle line",
         ),
         ("R, distance of the centroid from the lower edges", f"{diagonal} m"),
         ("α, toppling angle", words.toppling(block)),
-        ("p = ω₀ = √(g ρ/b)", f"{number(float(scene.rate))} rad/s, frequency parameter of the block"),
+        ("p = ω₀ = √(g ρ/b)", f"{number(scene.rate)} rad/s, frequency parameter of the block"),
         (
             "energy loss",
             f"{words.losses(block)} (e: coefficient of restitution; k: moment of friction over M g b)",

@@ -191,7 +191,7 @@ def _earthquakes(design: Design) -> Iterator[Note]:
         # Designs from other earthquakes that differ more than equally good designs are a sign of chance.
         masses, (low, high) = best.crossed.T[0], alike.T[0]
         if masses.min() < low or masses.max() > high:
-            sizes = ", ".join(f"{number(float(x * design.scene.block.mass), 3)} kg" for x in masses)
+            sizes = ", ".join(f"{number(x * design.scene.block.mass, 3)} kg" for x in masses)
             yield note(
                 f"The groups of earthquakes lead to different pendulums ({sizes}), outside of the range that "
                 "performs equally well. Choose the pendulum with care, or state more earthquakes."

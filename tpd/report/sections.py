@@ -293,7 +293,7 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if trials is None:
         return []
     # Under ground motions there is no gradient to follow.
-    if not design.paths or search is None:
+    if search is None:
         text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
         return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
     ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())

@@ -262,7 +262,7 @@ def _pendulum(design: Design, details: Details) -> Iterator[Row]:
     yield "bob", f"{number(build.mass, 3)} kg, {size} ({point})"
     hertz, period = number(build.frequency, 3), number(1.0 / build.frequency, 3)
     yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre: {hertz} Hz, {period} s"
-    zeta = number(float(pendulum.damping_ratio), 3)
+    zeta = number(pendulum.damping_ratio, 3)
     breaks = f"breakaway moment at most {number(build.breakaway, 2)} N m"
     yield "hinge", f"damper {number(build.damping, 3)} N m s/rad (damping ratio {zeta}); {breaks}"
     # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.

@@ -142,7 +142,7 @@ def limit_of_size(name: str, design: Design, build: Any = None) -> str | None:
     size. See `usage` for the arguments."""
     if name in (DEPTH, TOP):
         below = "the base" if name == DEPTH else "the top of the block"
-        return f"at most {number(float(design.problem.geometry.depth))} m, to {below}"
+        return f"at most {number(design.problem.geometry.depth)} m, to {below}"
     if name != THICKNESS:
         return None
     text = f"at most {THICKEST:g} times the rod"
@@ -226,12 +226,12 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
         motion: description of the excitation; by default the function writes one.
     """
     own = scene.block
-    shape = f"slenderness {number(float(own.slenderness))}; topples at {toppling(own)}"
+    shape = f"slenderness {number(own.slenderness)}; topples at {toppling(own)}"
     block, damping = f"  block       {block_of(own)}; {shape}", f"  losses      {losses(own)}"
     # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.excitation, Harmonic):
         return block, damping, f"  excitation  {motion or in_words((scene.excitation,))}"
-    motion = f"  excitation  {scene.excitation.in_words}, {number(float(scene.peak))} g"
+    motion = f"  excitation  {scene.excitation.in_words}, {number(scene.peak)} g"
     # A block of the user needs no title; the paper's block may be a wrong default.
     title = (f"Scene: {name}.",) if (name := origin(scene)) else ()
     return *title, block, motion, damping
@@ -241,15 +241,15 @@ def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
     """Return a line for the terminal with the equivalent point mass, which differs from the bob as built."""
     block = scene.block
     ratios = pendulum.mass / block.mass, pendulum.length / block.centroid, pendulum.damping_ratio
-    mu, lam, zeta = (number(float(x)) for x in ratios)
+    mu, lam, zeta = (number(x) for x in ratios)
     return f"  point       {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
 
 
 def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
     """Describe the equivalent point mass, with significant digits for mass and length."""
-    mass, length = number(float(pendulum.mass), of_mass), number(float(pendulum.length), of_length)
+    mass, length = number(pendulum.mass, of_mass), number(pendulum.length, of_length)
     hinge = pendulum.hinge_height
-    at = "" if hinge is None else f" with its hinge {number(float(hinge))} m above the base"
+    at = "" if hinge is None else f" with its hinge {number(hinge)} m above the base"
     return f"{mass} kg on a rod of {length} m{at}"
 
 
@@ -260,14 +260,14 @@ def toppling(block: Block) -> str:
 
 def block_of(block: Block) -> str:
     """Describe the sizes of the block."""
-    width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
+    width, height, mass = (number(x) for x in (block.width, block.height, block.mass))
     gyration, wide = block.radius_of_gyration, block.clear_width
-    shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
+    shape = "" if gyration is None else f", radius of gyration {number(gyration)} m"
     # The height of the centroid decides at which acceleration the block lifts, so it is always stated.
-    shape += f", centroid at {number(float(block.centroid))} m"
+    shape += f", centroid at {number(block.centroid)} m"
     if block.effective_width is not None:
         shape += f", rocks on {percent(float(block.effective_width))} of its width"
     # The cavity is always mentioned, because a bob needs one, or a frame.
     name = "cavity" if block.frame_width is None else "frame"
-    cavity = f"{name} {number(float(wide))} m wide" if math.isfinite(wide) else "no cavity stated"
+    cavity = f"{name} {number(wide)} m wide" if math.isfinite(wide) else "no cavity stated"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"
