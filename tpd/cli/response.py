@@ -11,15 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.motion_history import sliding
-from tpd.answers.response import (
-    BAND,
-    Branches,
-    Response,
-    branches,
-    frequencies,
-    settled_response,
-    window,
-)
+from tpd.answers.response import BAND, Branches, Response, branches, frequencies, settled_response, window
 from tpd.answers.run_table import cases_of
 from tpd.cli import common, outputs
 from tpd.cli.common import CASES, WITHOUT

@@ -117,10 +117,7 @@ class GroundMotionProblem(Problem):
 
     @staticmethod
     def of(
-        subject: Scene | Block,
-        conditions: Conditions,
-        space: DesignSpace | None = None,
-        **inputs: Any,
+        subject: Scene | Block, conditions: Conditions, space: DesignSpace | None = None, **inputs: Any
     ) -> GroundMotionProblem:
         """Return the problem of a block under ground motions. None stands for the default.
 

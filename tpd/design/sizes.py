@@ -101,11 +101,7 @@ _NUMBERS = [x.name for x in fields(Geometry) if x.name not in ("bob", "obstacle"
 
 
 def evaluate_sizes(
-    functions: Iterable[Limit | Objective],
-    e: Evaluation,
-    g: Geometry,
-    *,
-    slopes: bool = False,
+    functions: Iterable[Limit | Objective], e: Evaluation, g: Geometry, *, slopes: bool = False
 ) -> list[Size]:
     """Return the sizes of limits or objectives for m designs under n conditions.
 

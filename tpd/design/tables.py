@@ -204,8 +204,7 @@ class _Excitation(msgspec.Struct):
     scales: Annotated[tuple[float, ...] | None, Key("X", _GROUND_MOTIONS, defaults={"pulse": (1.0,)})] = None
     """Values of the intensity, in its unit, to which every motion is scaled, such as 1.5 2 3."""
     intensity: Annotated[
-        str | None,
-        Key("WORD", _GROUND_MOTIONS, defaults={"pulse": "scale", "records": "pga_star"}),
+        str | None, Key("WORD", _GROUND_MOTIONS, defaults={"pulse": "scale", "records": "pga_star"})
     ] = None
     """Intensity measure of the scales: pga_star (PGA divided by the uplift acceleration g width/height),
     pgv_star, pga in g, pgv in m/s, or scale, a factor (default pga_star; for a pulse scale)."""
@@ -214,10 +213,7 @@ class _Excitation(msgspec.Struct):
     ] = None
     """Relative half widths of the band of periods and of peak accelerations around a pulse; 0 0 for the
     stated pulse alone (default 0.3 0.1)."""
-    validation_share: Annotated[
-        float | tuple[str, ...] | None,
-        Key("X", _RECORDS),
-    ] = None
+    validation_share: Annotated[float | tuple[str, ...] | None, Key("X", _RECORDS)] = None
     """Share of the records, in whole earthquakes, that is kept for the validation of the search, or files,
     folders and sets of other records for it (default: cross-fitting, in which all earthquakes validate)."""
 

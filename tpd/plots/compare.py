@@ -8,16 +8,7 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.design.design import Design
-from tpd.plots.style import (
-    BLUE,
-    CASES,
-    GREY,
-    INK,
-    SMALL,
-    legend,
-    new_axes,
-    own_style,
-)
+from tpd.plots.style import BLUE, CASES, GREY, INK, SMALL, legend, new_axes, own_style
 
 _SHOWN = {"overturned": "overturned", "mean tilt": "tilt, mean", "at rest": "at rest at the end"}
 """Labels of the changes over all runs, by their names."""

@@ -108,11 +108,7 @@ _CAPTIONS = {
 
 
 def content(
-    design: Design,
-    details: Details,
-    directory: Path | None = None,
-    date: str = "",
-    lines: int = MOST,
+    design: Design, details: Details, directory: Path | None = None, date: str = "", lines: int = MOST
 ) -> Report:
     """Build the report of a design.
 
@@ -190,10 +186,7 @@ def _hypotheses(design: Design) -> Table:
     is_measured = problem.scatter.get("restitution") == MEASURED
     rows: list[tuple[Cell, ...]] = [
         ("block", f"rigid; {'uniform rectangle' if gyration is None else radius}"),
-        (
-            "b, height of the centroid",
-            f"{number(block.centroid)} m, on the middle line",
-        ),
+        ("b, height of the centroid", f"{number(block.centroid)} m, on the middle line"),
         ("R, distance of the centroid from the lower edges", f"{diagonal} m"),
         ("α, toppling angle", words.toppling(block)),
         ("p = ω₀ = √(g ρ/b)", f"{number(scene.rate)} rad/s, frequency parameter of the block"),
@@ -208,10 +201,7 @@ def _hypotheses(design: Design) -> Table:
         ),
         # A pendulum on a pin does nothing in the other horizontal direction.
         ("direction", "one vertical plane, in which block, pendulum and excitation move"),
-        (
-            "pendulum",
-            f"point mass on a massless rod, with a viscous damper at the hinge {hinge}",
-        ),
+        ("pendulum", f"point mass on a massless rod, with a viscous damper at the hinge {hinge}"),
         ("excitation", problem.words.assumed),
         ("starts", problem.words.starts),
         ("duration", problem.words.duration),

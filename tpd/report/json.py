@@ -25,14 +25,7 @@ from tpd.report import words
 from tpd.report.blocks import Summary
 from tpd.scene.conditions import Conditions
 
-_DESIGN = (
-    "equivalent",
-    "benefit",
-    "overturning_reduction",
-    "conditions",
-    "space",
-    "seed",
-)
+_DESIGN = ("equivalent", "benefit", "overturning_reduction", "conditions", "space", "seed")
 _COMPARISON = "pairs", "undecided", "benefit", "overturning_reduction"
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
