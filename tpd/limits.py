@@ -588,10 +588,8 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
             raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.quote(limit)}")
         if not _is_complete(limit):
             raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
-    kinds = [type(limit) for limit in listed]
-    for kind in kinds:
         # With two limits of one kind a report could not say which one is active.
-        if kinds.count(kind) > 1:
+        if [type(other) for other in listed].count(kind := type(limit)) > 1:
             raise ValueError(f"`limits` must have one limit of each kind, but has two of {kind.__name__}")
     # Limits that a user has defined come last.
     order = dict(zip(LIMIT_KINDS, range(len(LIMIT_KINDS)), strict=True))

@@ -72,7 +72,22 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     states = curves.without_pendulum
     pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
-    outputs.write(options.out, _tables(job, pendulum, curves, rates), pictures, overwrite=options.overwrite)
+    # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.
+    content = {
+        **common.json_inputs(scene, pendulum, job),
+        "intensity": curves.intensity,
+        "unit": curves.unit,
+        "motions": list(curves.motions),
+        "earthquakes": curves.earthquakes,
+        "p_values": curves.p_values and {name: p.tolist() for name, p in curves.p_values.items()},
+        "fits": {name: _fits(curves, name) for name in states},
+        "annual_rates": json_of(rates),
+        "first_crossings": {k: list(v) for k, v in curves.first_crossings.items()},
+        "changed_by_nonlinear_equations": None if curves.changed is None else list(curves.changed),
+        "undecided_by_nonlinear_equations": None if curves.unanswered is None else list(curves.unanswered),
+    }
+    tables = ("fragility.csv", files.as_table(curves.columns())), ("fragility.json", files.as_json(content))
+    outputs.write(options.out, tables, pictures, overwrite=options.overwrite)
     # The results are in their own folder now, so a damaged report does not lose them.
     answer = Code("\n".join([in_words(motions), *lines]))
     for path in add_to(options.design, Section("Fragility under earthquakes", (answer,))):
@@ -111,26 +126,6 @@ def _by_curve(curves: Fragility, hazard: Hazard) -> Iterator[str]:
         misfit = max(float(np.nanmax(np.abs(c.shares - c.fit.probability(curves.stripes)))) for c in fits)
         points = f"differ from the shares of the runs by at most {number(100.0 * misfit, 2)} points"
         yield f"By the fitted curves the return period is {listed} years; the curves {points}"
-
-
-def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility, rates: Any) -> Iterator[tuple[str, str]]:
-    """Yield the names and contents of the files of numbers."""
-    yield "fragility.csv", files.as_table(curves.columns())
-    # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.
-    content = {
-        **common.json_inputs(job.scene, pendulum, job),
-        "intensity": curves.intensity,
-        "unit": curves.unit,
-        "motions": list(curves.motions),
-        "earthquakes": curves.earthquakes,
-        "p_values": curves.p_values and {name: p.tolist() for name, p in curves.p_values.items()},
-        "fits": {name: _fits(curves, name) for name in curves.without_pendulum},
-        "annual_rates": json_of(rates),
-        "first_crossings": {k: list(v) for k, v in curves.first_crossings.items()},
-        "changed_by_nonlinear_equations": None if curves.changed is None else list(curves.changed),
-        "undecided_by_nonlinear_equations": None if curves.unanswered is None else list(curves.unanswered),
-    }
-    yield "fragility.json", files.as_json(content)
 
 
 def _fits(curves: Fragility, name: str) -> dict[str, Any]:
