@@ -7,8 +7,8 @@ Signatures, fields and errors are those of the code; a sentence is the first one
 
 from __future__ import annotations
 
-import math
 import re
+import textwrap
 from pathlib import Path
 
 import griffe
@@ -153,15 +153,21 @@ def cell(text: object) -> str:
     return " ".join(str(text).split())
 
 
+def arguments(item: Item) -> list[griffe.DocstringParameter]:
+    """Arguments that a docstring describes."""
+    found = item.docstring.parse("google", warnings=False) if item.docstring else ()
+    return [entry for s in found if isinstance(s, griffe.DocstringSectionParameters) for entry in s.value]
+
+
 def sections(item: Item, name: str = "") -> list[str]:
     """Arguments and errors of a docstring, and the example of a name that most people need."""
     lines: list[str] = []
+    for entry in arguments(item):
+        if not EVERYWHERE & {entry.name, cell(entry.description)}:
+            kind = f": {cell(entry.annotation)}" if entry.annotation else ""
+            lines.append(f"- `{entry.name}{kind}`: {cell(entry.description)}")
+    lines += [""] * bool(lines)
     for section in item.docstring.parse("google", warnings=False) if item.docstring else ():
-        if isinstance(section, griffe.DocstringSectionParameters):
-            entries = [
-                entry for entry in section.value if not EVERYWHERE & {entry.name, cell(entry.description)}
-            ]
-            lines += [f"- `{entry.name}`: {cell(entry.description)}" for entry in entries] + [""]
         if isinstance(section, griffe.DocstringSectionRaises):
             for entry in (entry for entry in section.value if cell(entry.description) not in EVERYWHERE):
                 # An error belongs to the list of arguments above it.
@@ -207,28 +213,34 @@ class Reference:
         given = re.search(r"default=([^,()]+)|^'\w+', [\w.]+, ([^,()]+)", made[1])
         return (given[1] or given[2]) if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
 
-    def call(self, item: griffe.Function, name: str, width: float = WIDTH) -> str:
-        """Call of a function, on one line, or with a line for each argument if it is wider."""
+    def call(self, item: griffe.Function, name: str) -> str:
+        """Call of a function, in which arguments with a description have no type."""
         words: list[str] = []
         kinds = griffe.ParameterKind
+        described = {entry.name for entry in arguments(item)} | EVERYWHERE
         for parameter in item.parameters:
             if parameter.name in ("self", "cls"):
                 continue
             if parameter.kind is kinds.keyword_only and not any(word.startswith("*") for word in words):
                 words.append("*")
             prefix = {kinds.var_positional: "*", kinds.var_keyword: "**"}.get(parameter.kind, "")
-            word = prefix + parameter.name + (f": {parameter.annotation}" if parameter.annotation else "")
+            word = f"{prefix}{parameter.name}"
+            word += f": {parameter.annotation}" if parameter.name not in described else ""
             plain = parameter.default is None or prefix
             words.append(word if plain else f"{word} = {self.default(parameter.default)}")
             if parameter.kind is kinds.positional_only:
                 words.append("/")
         end = f" -> {item.returns}" if item.returns and item.name != "__init__" else ""
-        line = f"{name}({', '.join(words)}){end}"
-        return line if len(line) <= width else f"{name}(\n    " + ",\n    ".join(words) + f",\n){end}"
+        return f"{name}({', '.join(words)}){end}"
+
+    def block(self, item: griffe.Function, name: str) -> list[str]:
+        """Call of a function as lines of code."""
+        lines = textwrap.wrap(self.call(item, name), WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+        return ["```py", *lines, "```", ""]
 
     def function(self, item: griffe.Function, name: str) -> None:
         """A call with its errors, and what it returns if that is a class of the package."""
-        self.lines += ["```py", self.call(item, name), "```", "", sentence(item), "", *sections(item, name)]
+        self.lines += [*self.block(item, name), sentence(item), "", *sections(item, name)]
         names = item.returns.iterate() if isinstance(item.returns, griffe.Expr) else ()
         paths = [one.canonical_path for one in names if isinstance(one, griffe.ExprName)]
         for answer in (self.target(path[4:]) for path in paths if path.startswith("tpd.")):
@@ -254,7 +266,7 @@ class Reference:
         stored = [m for m in attributes if "property" not in m.labels]
         computed = [m for m in attributes if "property" in m.labels]
         if is_enum(item):
-            self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored)}.", ""]
+            self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored if m.value)}.", ""]
         else:
             self.lines += map(self.field, stored)
             # Nobody makes a result, and its fields and properties are one list.
@@ -265,7 +277,7 @@ class Reference:
         self.lines += ["Calls:", ""] * bool(calls and heading)
         for m in calls:
             name = f"{item.name}.{m.name}" if {"staticmethod", "classmethod"} & m.labels else f".{m.name}"
-            self.lines += [f"- `{self.call(m, name, math.inf)}`: {sentence(m)}"]
+            self.lines += [f"- `{self.call(m, name)}`: {sentence(m)}"]
             inner = "\n".join(line for line in sections(m) if line).splitlines()
             self.lines += [f"  {line}".rstrip() for line in inner]
         self.lines += [""]
@@ -284,7 +296,7 @@ class Reference:
             self.lines += [sentence(item), ""]
             made = item.members.get("__init__")
             if made and "dataclass" not in item.labels:
-                self.lines += ["```py", self.call(made, item.name), "```", "", *sections(made)]
+                self.lines += [*self.block(made, item.name), *sections(made)]
             self.members(item)
         elif item.is_attribute:
             self.lines += [f"`{name} = {item.value}`" + f": {sentence(item)}" * bool(sentence(item)), ""]
