@@ -173,7 +173,11 @@ def sections(item: Item, name: str = "") -> list[str]:
                 # An error belongs to the list of arguments above it.
                 del lines[-1:]
                 lines += [f"- Raises `{entry.annotation}`: {cell(entry.description)}", ""]
-        if isinstance(section, griffe.DocstringSectionAdmonition) and section.title == "Example" and name in MOST_USED:
+        if (
+            isinstance(section, griffe.DocstringSectionAdmonition)
+            and section.title == "Example"
+            and name in MOST_USED
+        ):
             lines += ["```pycon", section.value.contents, "```", ""]
     return lines
 

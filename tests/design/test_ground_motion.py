@@ -310,3 +310,13 @@ def test_the_design_does_not_depend_on_the_order_of_the_records():
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
+
+
+def test_the_usual_level_is_that_of_the_code_or_the_lowest_of_the_job():
+    level, words = with_hazard().usual_level
+    assert SITE.exceeding(level) == pytest.approx(1.0 / 475.0)
+    assert words == "once in 475 years"
+    made = problem(RECORDS[:6], (4.0, 1.5))
+    level, words = made.usual_level
+    # The levels are PGA over g tan(alpha), so that all motions have one peak.
+    assert (level, words) == (pytest.approx(1.5 * float(BLOCK.slenderness)), "lowest level")
