@@ -8,6 +8,7 @@ Signatures, fields and errors are those of the code; a sentence is the first one
 from __future__ import annotations
 
 import re
+import textwrap
 from pathlib import Path
 
 import griffe
@@ -27,12 +28,14 @@ sentence. Functions that simulate raise a `RuntimeError` if JAX is in 32-bit mod
 bar on stderr, or a function that is called with the finished and the whole work. `workers` is a number of
 threads, by default all cores.
 
-**The ten calls that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
+Every docstring has a tested example, which `help(tpd.fold_curve)` prints. This page shows those of **the ten
+names that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic),
 [`tpd.Record.read`](#record), [`tpd.Scene`](#scene), [`tpd.assess`](#assess), [`tpd.optimise`](#optimise),
 [`tpd.check`](#check), [`tpd.plot`](#plot), [`tpd.write_report`](#write_report) and
 [`tpd.steady_state`](#steady_state).
 
 """
+MOST_USED = set(re.findall(r"\[`tpd\.(\w+)", HEAD))
 INTERNAL = {
     "Model": "check most_periods settle solve_steady trajectory",
     "Assessment": "guess measures verdict",
@@ -148,21 +151,31 @@ def cell(text: object) -> str:
     return " ".join(str(text).split())
 
 
-def sections(item: Item) -> list[str]:
-    """Arguments, errors and examples of a docstring."""
+def arguments(item: Item) -> list[griffe.DocstringParameter]:
+    """Arguments that a docstring describes."""
+    found = item.docstring.parse("google", warnings=False) if item.docstring else ()
+    return [entry for s in found if isinstance(s, griffe.DocstringSectionParameters) for entry in s.value]
+
+
+def sections(item: Item, name: str = "") -> list[str]:
+    """Arguments and errors of a docstring, and the example of a name that most people need."""
     lines: list[str] = []
+    for entry in arguments(item):
+        if not EVERYWHERE & {entry.name, cell(entry.description)}:
+            kind = f": {cell(entry.annotation)}" if entry.annotation else ""
+            lines.append(f"- `{entry.name}{kind}`: {cell(entry.description)}")
+    lines += [""] * bool(lines)
     for section in item.docstring.parse("google", warnings=False) if item.docstring else ():
-        if isinstance(section, griffe.DocstringSectionParameters):
-            entries = [
-                entry for entry in section.value if not EVERYWHERE & {entry.name, cell(entry.description)}
-            ]
-            lines += [f"- `{entry.name}`: {cell(entry.description)}" for entry in entries] + [""]
         if isinstance(section, griffe.DocstringSectionRaises):
             for entry in (entry for entry in section.value if cell(entry.description) not in EVERYWHERE):
                 # An error belongs to the list of arguments above it.
                 del lines[-1:]
                 lines += [f"- Raises `{entry.annotation}`: {cell(entry.description)}", ""]
-        if isinstance(section, griffe.DocstringSectionAdmonition) and section.title == "Example":
+        if (
+            isinstance(section, griffe.DocstringSectionAdmonition)
+            and section.title == "Example"
+            and name in MOST_USED
+        ):
             lines += ["```pycon", section.value.contents, "```", ""]
     return lines
 
@@ -202,30 +215,34 @@ class Reference:
         given = re.search(r"default=([^,()]+)|^'\w+', [\w.]+, ([^,()]+)", made[1])
         return (given[1] or given[2]) if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
 
-    def call(self, item: griffe.Function, name: str) -> list[str]:
-        """Call of a function, on one line or with a line for each argument."""
+    def call(self, item: griffe.Function, name: str) -> str:
+        """Call of a function, in which arguments with a description have no type."""
         words: list[str] = []
         kinds = griffe.ParameterKind
+        described = {entry.name for entry in arguments(item)} | EVERYWHERE
         for parameter in item.parameters:
             if parameter.name in ("self", "cls"):
                 continue
             if parameter.kind is kinds.keyword_only and not any(word.startswith("*") for word in words):
                 words.append("*")
             prefix = {kinds.var_positional: "*", kinds.var_keyword: "**"}.get(parameter.kind, "")
-            word = prefix + parameter.name + (f": {parameter.annotation}" if parameter.annotation else "")
+            word = f"{prefix}{parameter.name}"
+            word += f": {parameter.annotation}" if parameter.name not in described else ""
             plain = parameter.default is None or prefix
             words.append(word if plain else f"{word} = {self.default(parameter.default)}")
             if parameter.kind is kinds.positional_only:
                 words.append("/")
         end = f" -> {item.returns}" if item.returns and item.name != "__init__" else ""
-        line = f"{name}({', '.join(words)}){end}"
-        if len(line) > WIDTH:
-            line = f"{name}(\n    " + ",\n    ".join(words) + f",\n){end}"
-        return ["```py", line, "```", ""]
+        return f"{name}({', '.join(words)}){end}"
+
+    def block(self, item: griffe.Function, name: str) -> list[str]:
+        """Call of a function as lines of code."""
+        lines = textwrap.wrap(self.call(item, name), WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+        return ["```py", *lines, "```", ""]
 
     def function(self, item: griffe.Function, name: str) -> None:
         """A call with its errors, and what it returns if that is a class of the package."""
-        self.lines += [*self.call(item, name), sentence(item), "", *sections(item)]
+        self.lines += [*self.block(item, name), sentence(item), "", *sections(item, name)]
         names = item.returns.iterate() if isinstance(item.returns, griffe.Expr) else ()
         paths = [one.canonical_path for one in names if isinstance(one, griffe.ExprName)]
         for answer in (self.target(path[4:]) for path in paths if path.startswith("tpd.")):
@@ -251,16 +268,21 @@ class Reference:
         stored = [m for m in attributes if "property" not in m.labels]
         computed = [m for m in attributes if "property" in m.labels]
         if is_enum(item):
-            self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored)}.", ""]
+            self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored if m.value)}.", ""]
         else:
             self.lines += map(self.field, stored)
             # Nobody makes a result, and its fields and properties are one list.
             self.lines += ["", heading, ""] if computed and heading else []
             self.lines += [f"- `{m.name}: {cell(m.annotation)}`: {sentence(m)}" for m in computed]
-        self.lines += [*sections(item), ""]
-        for m in (m for m in shown if m.is_function):
+        self.lines += [*sections(item, item.name), ""]
+        calls = [m for m in shown if m.is_function]
+        self.lines += ["Calls:", ""] * bool(calls and heading)
+        for m in calls:
             name = f"{item.name}.{m.name}" if {"staticmethod", "classmethod"} & m.labels else f".{m.name}"
-            self.lines += [*self.call(m, name), sentence(m), "", *sections(m)]
+            self.lines += [f"- `{self.call(m, name)}`: {sentence(m)}"]
+            inner = "\n".join(line for line in sections(m) if line).splitlines()
+            self.lines += [f"  {line}".rstrip() for line in inner]
+        self.lines += [""]
 
     def field(self, m: Item) -> str:
         kind = f": {cell(m.annotation)}" if m.annotation else ""
@@ -276,7 +298,7 @@ class Reference:
             self.lines += [sentence(item), ""]
             made = item.members.get("__init__")
             if made and "dataclass" not in item.labels:
-                self.lines += [*self.call(made, item.name), *sections(made)]
+                self.lines += [*self.block(made, item.name), *sections(made)]
             self.members(item)
         elif item.is_attribute:
             self.lines += [f"`{name} = {item.value}`" + f": {sentence(item)}" * bool(sentence(item)), ""]

@@ -46,7 +46,7 @@ NOTES = {
     "limits": "[Limits](validation.md#limits) of the design. `false` removes a limit.",
     "alternatives": "Measures without a pendulum, which the answer compares.",
     "requirements": "Requirements for a recommendation ([validation](validation.md#validation)).",
-    "search": "Settings of the [first stage](validation.md#three-stages).",
+    "search": "Settings of the [first stage](stages.md#three-stages).",
     "ensemble": "The [validation runs](validation.md#what-a-run-is), and uncertain quantities in these runs.",
 }
 """First sentences of the sections, by table."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from importlib import import_module
 
 import pytest
@@ -27,6 +28,11 @@ from tests.measures import (
 from tests.test_english import exists, messages
 
 NOW = Source.here()
+SETTINGS = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+LAYERS = [
+    layer.partition(" : ")[0].removeprefix("tpd.")
+    for layer in reversed(SETTINGS["importlinter"]["contracts"][0]["layers"])
+]
 
 
 def folder(module: str) -> str:
@@ -43,6 +49,14 @@ def test_there_is_no_import_cycle():
 def test_an_import_cycle_is_detected():
     with pytest.raises(ValueError, match="a -> b -> a"):
         longest_chain({"a": {"b"}, "b": {"a"}})
+
+
+def test_a_folder_imports_only_from_lower_layers_and_every_folder_is_a_layer():
+    for name in MODULES:
+        if (layer := folder(name)) != "tpd":
+            lower = {"tpd", *LAYERS[: LAYERS.index(layer) + 1]}
+            assert {folder(other) for other in NOW.imports_of(name)} <= lower, name
+    assert {path.relative_to(ROOT).parts[0] for path in FILES if path.parent != ROOT} == set(LAYERS)
 
 
 def test_no_measure_of_the_code_gets_worse():

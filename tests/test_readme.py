@@ -78,7 +78,7 @@ def test_the_blocks_of_the_readme_write_every_job_file_once(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     text = "\n".join(b.text for b in BLOCKS if b.page == "README.md" and b.language == "sh")
     calls = re.findall(r"tpd (new .*?)(?:$| &&)", text, re.MULTILINE)
-    assert len(calls) >= 2
+    assert calls
     assert [main(call.split()) for call in calls] == [0] * len(calls)
     # Each job file that a later command reads exists.
     read = re.findall(r"tpd (?:assess|optimise) (\w+\.toml)", text)
@@ -122,7 +122,7 @@ def test_job_files_of_the_pages_are_valid(block):
 
 def test_every_command_is_shown_with_its_question():
     assert {command[0] for command in COMMANDS} == set(VERBS)
-    rows = re.findall(r"^\| `tpd (\w+)", TEXT[README], flags=re.MULTILINE)
+    rows = re.findall(r"^\| `tpd (\w+)", TEXT[GUIDE / "README.md"], flags=re.MULTILINE)
     assert list(dict.fromkeys(rows)) == list(VERBS)
 
 

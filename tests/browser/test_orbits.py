@@ -113,3 +113,12 @@ def test_the_table_is_exact_at_its_nodes_and_has_no_value_between_kinds_or_outsi
     for tilt, swing in look_up(small.encoded(), np.array(points)):
         assert {tilt["source"], swing["source"]} == {"not interpolated"}
         assert tilt["value"] is None
+
+
+@needs_node
+def test_interpolation_is_linear_along_each_axis():
+    axes = axis("frequency", 1.0, 4.0, 3), axis("amplitude", 0.0, 2.0, 3, log=False)
+    plane = np.log(axes[0].values)[:, None] + 3.0 * axes[1].values
+    fields = dict.fromkeys(("tilt", "swing"), plane) | {f"{n}_error": 0.0 * plane for n in ("tilt", "swing")}
+    ((tilt, _),) = look_up(Table(axes, fields).encoded(), np.array([[1.7, 0.3]]))
+    assert tilt["value"] == pytest.approx(np.log(1.7) + 0.9, abs=2e-4)

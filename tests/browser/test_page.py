@@ -4,6 +4,7 @@ import itertools
 import re
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
+from tpd.answers.statistics import Share
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
@@ -153,9 +155,19 @@ def test_the_page_stays_responsive_while_runs_are_simulated(show):
     assert text_of(window, "runs-text").endswith("are simulated, with and without your pendulum.")
     assert window.run("tpdPage.frames()") > 5, "frames of the last second"
     end = time.monotonic() + 120.0
-    while "overturn with your" not in text_of(window, "runs-text"):
+    while "overturn with your" not in (said := text_of(window, "runs-text")):
         assert time.monotonic() < end
         time.sleep(0.1)
+    problem = problem_of(CHIMNEY)
+    options = {"ensemble": replace(problem.ensemble, size=100), "conditions": problem.conditions}
+    shown = re.findall(r"(\d+) % \((\d+) to (\d+) %\)", said)
+    for pendulum, words in zip((pendulum_of(window), None), shown, strict=True):
+        share, low, high = map(int, words)
+        runs = tpd.outcomes(CHIMNEY, pendulum, equations="nonlinear", **options)
+        # Chaos separates a motion near overturning from that of the package.
+        assert abs(share - 100.0 * runs.share_overturned.value) <= 2.0
+        expected = Share.of(np.arange(100) < share)
+        assert (low, high) == (round(100.0 * expected.low), round(100.0 * expected.high))
     window.run("document.getElementById('reset').click()")
     own = r"Of the runs [\d.]+ % overturn without a pendulum and [\d.]+ % with yours\. The least share is"
     for name, is_valid in (("mass", True), ("frequency", False)):
@@ -261,6 +273,13 @@ def test_every_control_has_an_accessible_label(show):
     assert {role for role, _ in found} >= {"slider", "spinbutton", "button", "combobox", "table"}
     assert all(name for _, name in found), found
     assert len([role for role, _ in found if role == "slider"]) == 5
+    # The words follow the colour scheme, and figures stay white.
+    for scheme, is_dark in (("light", False), ("dark", True), ("", False)):
+        window.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        colour = window.run("getComputedStyle(document.body).color")
+        assert (min(map(int, re.findall(r"\d+", colour)[:3])) > 128) == is_dark
+        back = window.run("getComputedStyle(document.getElementById('shares')).backgroundColor")
+        assert back.endswith("(255, 255, 255)")
     # Neither a narrow screen nor a wide one needs horizontal scrolling.
     for width in (400, 1280):
         assert show("design", width).run("document.documentElement.scrollWidth") <= width
@@ -299,6 +318,17 @@ def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, b
             assert float(shown.split()[0]) == pytest.approx(float(expected.tilt) / nu, rel=5e-3)
         assert words.format(outcome) in said
     assert not window.errors
+
+
+def test_the_limit_on_worsening_is_printed_as_a_change_of_the_tilt(show):
+    window = show("chimney")
+    points = np.array([[window.run(f"tpdPage.state.{name}") for name in CONTROLS]])
+    without = points * [0.0, 1.0, 1.0, 1.0, 1.0]
+    tilts = [float(exact(CHIMNEY, NAMES, x)[0, 0]) for x in (points, without)]
+    text, _ = row(window, "worsening", "limits")
+    size, words = re.fullmatch(r"([\d.]+) % (more|less) tilt, 5.0 % more allowed", text).groups()
+    change = float(size) * (1 if words == "more" else -1)
+    assert change == pytest.approx(100.0 * (tilts[0] / tilts[1] - 1.0), abs=0.06)
 
 
 def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_path):
@@ -349,11 +379,22 @@ def test_no_value_of_the_page_is_nan(show):
             cells = window.run(f"[...document.querySelectorAll('#{table} td')].map((x) => x.textContent)")
             assert not [text for text in cells if re.search("unknown|NaN|undefined|Infinity", text)]
         value, source = row(window, "tilt")
-        assert (value == "–") == (source == "not interpolated")
         assert ("±" in value) == (source == "interpolated")
     move(window, "length", 0)
     assert row(window, "bob") == ("no body swings like it", "exact")
     assert row(window, "thickness", "limits")[0].endswith("exceeded")
+    # Along this line some cells of the table have nodes of both kinds.
+    for name, place in (("damping", 10), ("mass", 950), ("frequency", 240)):
+        move(window, name, place)
+    sources = set()
+    for place in range(5, 1000, 30):
+        move(window, "length", place)
+        value, source = row(window, "tilt")
+        sources.add(source)
+        assert (value == "–") == (source == "not interpolated")
+        at_rest = source in ("not interpolated", "exact orbits around this point")
+        assert (row(window, "clearance", "limits")[1] == "bob at rest") == at_rest
+    assert {"interpolated", "not interpolated"} <= sources
     assert not window.errors
 
 
@@ -372,3 +413,10 @@ def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
     assert float(share.split()[0]) == pytest.approx(100.0 * float(rest.swing) / limit, rel=6e-3)
     assert source == "steady motion, exact"
     assert "Steady-state tilt 0 with your pendulum" in status(window)
+
+
+def test_the_page_loads_no_external_file_and_is_below_two_megabytes(pages):
+    for page in pages.values():
+        text = page.read_text(encoding="utf-8")
+        assert len(text) < 2_000_000
+        assert not re.search(r"https?://|<link|@import|src=|^(import|export) ", text, flags=re.MULTILINE)

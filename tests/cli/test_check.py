@@ -84,7 +84,9 @@ def test_the_last_sentence_states_the_reason_for_the_rejection(check):
     # Without walls there is no limit on the clearance, and the pendulum is not to be built.
     status, lines = check(TOUCHING, "--no-walls")
     assert status == 3
-    assert last_paragraph(lines).startswith("NOT TO BE BUILT AS IT IS for a harmonic of ")
+    said = last_paragraph(lines)
+    assert said.startswith("NOT TO BE BUILT AS IT IS for a harmonic of ")
+    assert ", because the search assumed a bob without size and no walls." in said
 
 
 def test_check_accepts_a_mass_limit_below_the_design_space(tmp_path):

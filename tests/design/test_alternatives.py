@@ -7,6 +7,7 @@ import tpd
 from tests import designs
 from tests.designs import SCENE
 from tpd.design.alternatives import Alternatives, alternatives
+from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
 
@@ -47,3 +48,24 @@ def test_the_sentence_on_alternatives_has_sizes_rounded_up_to_two_digits():
     # At an acceleration of 3 m/s^2 the displacement is 3 (2/(2 pi))^2 m.
     assert "with 5 % damping and a period of at least 2 s (displacement 0.31 m) for all 2 motions, or" in said
     assert "or at least 1.8 s (displacement 0.24 m) for half" in said
+
+
+@pytest.mark.parametrize(
+    ("friction", "width", "base"),
+    [(0.5, 1.21, ", or a base of 1.3 m,"), (1.01, 1.21, ""), (0.5, 2.01, "")],
+)
+def test_the_brief_offers_a_base_only_if_it_is_practicable(friction, width, base):
+    of = Alternatives(1234.0, width, friction, 1.0, np.array([2.0]), 0.0, 1.0, "as stated")
+    at = {0.5: "0.5", 1.01: "1.1"}[friction]
+    assert of.brief == f"a top tie for 1.3 kN{base} prevents uplift at {at} g (as stated)"
+    assert "top tie for 130 N" in of._replace(tie=123.0).brief
+
+
+def test_the_level_of_the_alternatives_is_that_of_the_problem_unless_it_is_stated():
+    usual, stated = (alternatives(problem_of(job_of(x))) for x in ({}, {"alternatives": {"level": 0.5}}))
+    assert usual.friction == pytest.approx(problem_of(job_of({})).at_rest.peak)
+    assert (stated.friction, stated.level) == (0.5, "as stated")
+    assert stated.tie > usual.tie
+    assert stated.width / stated.present == pytest.approx(2.0 * 0.2 * (0.5 - 0.05) / 0.1)
+    with pytest.raises(ValueError, match=r"\[alternatives\] `level` must be"):
+        job_of({"alternatives": {"level": -0.5}})

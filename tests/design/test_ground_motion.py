@@ -131,7 +131,7 @@ def test_each_record_has_one_level_in_each_of_sixteen_strata():
     assert len(np.unique(levels)) == levels.size
     other = problem(RECORDS[5::-1], (4.0, 1.5), seed=3)._every_motion(made.scatter, 7)
     np.testing.assert_array_equal(other.column("amplitude").reshape(6, 16)[::-1], levels)
-    assert next(iter(made.levels)) == "1.5 to 1.6"
+    assert list(made.levels)[:2] == ["1.5 to 1.59", "1.59 to 1.7"]
     assert [rows.sum() for rows in made.levels.values()] == [6] * 16
     # Linear runs compare variations at the stated levels, and a single level has no strata.
     linear = made.paired_runs(DESIGN, 0, Variation(equations="linear"))
@@ -310,3 +310,13 @@ def test_the_design_does_not_depend_on_the_order_of_the_records():
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_that_never_crosses_an_acceleration_has_no_isolation_period(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected
+
+
+def test_the_usual_level_is_that_of_the_code_or_the_lowest_of_the_job():
+    level, words = with_hazard().usual_level
+    assert SITE.exceeding(level) == pytest.approx(1.0 / 475.0)
+    assert words == "once in 475 years"
+    made = problem(RECORDS[:6], (4.0, 1.5))
+    level, words = made.usual_level
+    # The levels are PGA over g tan(alpha), so that all motions have one peak.
+    assert (level, words) == (pytest.approx(1.5 * float(BLOCK.slenderness)), "lowest level")

@@ -376,3 +376,33 @@ def test_a_table_without_names_is_rejected_with_its_columns_and_options(tmp_path
             ValueError, match=r"`excitation.columns` \(--columns\) must be rows, or names with"
         ):
             _ = jobs.job_of({"excitation": motion | {"columns": wrong}}).motions
+
+
+def test_a_frame_as_an_option_replaces_the_cavity_of_a_file_and_vice_versa():
+    sizes = {"width": 1.0, "height": 6.0, "mass": 9000.0}
+    cavity, frame = {"cavity_width": 0.7}, {"width": 1.2, "height": 7.0}
+    excitation = {"amplitude": 0.1, "frequency": 0.5}
+    inside = {"block": sizes | cavity, "excitation": excitation}
+    above = {"block": sizes, "frame": frame, "excitation": excitation}
+    for given, over, clear, hinge in (
+        (inside, {"frame": frame}, 1.2, 7.0),
+        (above, {"block": cavity}, 0.7, None),
+        (inside, {"block": {"cavity_width": 0.6}}, 0.6, None),
+        (above, {"frame": {"width": 1.4}}, 1.4, 7.0),
+        (above, {"block": {"mass": 8000.0}}, 1.2, 7.0),
+    ):
+        job = jobs.job_of(*jobs.merge_tables(given, over))
+        assert job.block.clear_width == clear
+        assert job.space.hinge_height == hinge
+        assert (job.block.frame_width is None) == (hinge is None)
+    with pytest.raises(ValueError, match="the bob swings in a cavity or in a frame"):
+        jobs.job_of(*jobs.merge_tables({"excitation": excitation}, {"block": sizes | cavity, "frame": frame}))
+
+
+def test_a_pulse_has_a_band_of_periods_and_keeps_its_scales():
+    base = {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}
+    assert jobs.job_of({"excitation": base}).in_words.endswith("; 5 periods from 0.35 to 0.65 s")
+    assert "periods" not in jobs.job_of({"excitation": base | {"pulse_band": [0.0, 0.1]}}).in_words
+    both = jobs.job_of({"excitation": base | {"pulse_band": [0.2, 0.0], "scales": [2.0, 1.0]}}).conditions
+    assert (len(both.motions), both.scales) == (5, (2.0, 1.0))
+    assert both.motions[0].frequency == 2.0

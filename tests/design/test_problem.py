@@ -11,6 +11,7 @@ from tests.designs import RATIOS, SCENE, NoisyProblem, outcomes, with_block
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
 from tpd.design.problem import within_mass
+from tpd.design.reasons import DesignStatus
 from tpd.design.space import check_moves, check_scatter
 
 
@@ -68,3 +69,14 @@ def test_the_share_of_runs_over_a_limit_is_unknown_without_surviving_runs():
     assert np.isnan(problem.over_limit(np.array(RATIOS), fallen)[0])
     assert problem.over_limit(np.array(RATIOS), outcomes([0.1] * 4, [0.1, 0.6, 0.1, 0.1])) == (0.25, "stroke")
     assert NoisyProblem.of(limits=()).over_limit(np.array(RATIOS), fallen) == (0.0, "")
+
+
+@pytest.mark.parametrize(("reduce", "by"), [("tilt", ", by the mean tilt"), ("overturning", ""), (None, "")])
+def test_the_headline_names_the_mean_tilt_where_it_decides(reduce, by):
+    problem = NoisyProblem.of(requirements=tpd.limits.Requirements(reduce=reduce))
+    head = problem.headline(DesignStatus.recommended, ())
+    assert head == (
+        f"RECOMMENDED for noise{by}, because the search considered only one excitation and assumed a bob "
+        "without size and no walls. This is not a safety assessment."
+    )
+    assert "by the mean tilt" not in problem.headline(DesignStatus.not_recommended, ("x",))

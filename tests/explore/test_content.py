@@ -175,11 +175,16 @@ def test_an_argument_that_is_no_design_job_or_scene_is_rejected(bad):
 
 def test_stored_runs_under_records_are_the_counted_runs():
     design = designs.ground_design()
+    last = design.validated[-1]
+    half = replace(last.runs, counted=last.runs.cluster % 2 == 0)
+    last = replace(last, deciding_runs=half, reported_runs=half)
+    design = replace(design, validated=(*design.validated[:-1], last))
     *_, runs = content(design)["runs"]
     pairs = design.validated[-1].runs
-    counted = pairs.is_answered & (True if pairs.counted is None else pairs.counted)
+    counted = pairs.counted & pairs.is_answered
     (overturned, mean, _) = runs["rows"]
     assert overturned[3].startswith(f"validation runs: {int(counted.sum())} paired runs")
+    assert 0 < counted.sum() < len(counted)
     cases = pairs.with_pendulum, pairs.without_pendulum
     shares = [f"{100 * np.mean(case.is_overturned[counted]):.1f} % with" for case in cases]
     tilts = [f"{np.mean(case.severity[counted]):.3g}" for case in cases]

@@ -5,6 +5,7 @@ import pytest
 from tests.formats.reader import DATA, check
 from tests.formats.synthetic import G, csmip_v1, csmip_v2, shaking
 from tpd import Record
+from tpd.formats.csmip import is_csmip
 from tpd.formats.text import UnreadableRecord
 
 
@@ -57,3 +58,10 @@ def test_an_unknown_word_in_the_line_of_the_unit_is_rejected(tmp_path):
         path.write_text(text.replace(old, new))
         with pytest.raises(UnreadableRecord, match=r"line .* must state"):
             Record.read_all(path)
+
+
+def test_a_file_is_recognised_by_its_agency():
+    first, *others = csmip_v2(300.0 * shaking(100), 0.01).splitlines()
+    assert is_csmip([first])
+    assert is_csmip(["Accelerogram of the CSMIP", *others])
+    assert not is_csmip(["Accelerogram", "Somewhere"])

@@ -31,7 +31,7 @@ def test_the_plot_of_the_benefit_has_intervals_and_a_row_for_every_group(band, u
                 "growth over 10 periods",
                 "after a disturbance",
             ]
-            assert rows == ["overturned", "tilt, mean", *rest, *(f"overturned, {name}" for name, _ in parts)]
+        assert rows == ["overturned", "tilt, mean", *rest, *(f"overturned, {name}" for name, _ in parts)]
         assert ax.lines[-1].get_ydata() == [len(rest) + 1.5] * 2
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
         plot_benefit(dataclasses.replace(band, validated=()))

@@ -1,4 +1,4 @@
-"""Every status of a motion is reached by a scene."""
+"""Every status of a motion is reached by a scene, and its sentence says what to do."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.reference import LEANING, OVERTURNING, UNSTABLE, parameters
-from tpd import Block, Piecewise, Record, Scene, Smoothed, design_map, steady_state, symmetric_orbits
+from tpd import Block, Piecewise, Record, Scene, Smoothed, Status, design_map, steady_state, symmetric_orbits
 from tpd import transient as follow
-from tpd.scene.status import names_of
+from tpd.scene.status import SETTLED, names_of
 
 PENDULUM = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
 FOLD = 0.060961548685057224
@@ -79,3 +79,12 @@ def test_every_status_is_reached_by_a_scene(name):
     found = REACHED[name]()
     names = found if isinstance(found, np.ndarray) else np.atleast_1d(names_of(found))
     assert name in names
+
+
+def test_every_status_without_a_result_has_a_remedy():
+    remedies = ("Start", "Change", "Evaluate", "Increase", "Move", "Add", "Run", "reduce")
+    for name in REACHED:
+        sentence = Status[getattr(Status, name)]
+        assert sentence.endswith("."), name
+        has_result = name in (*names_of(SETTLED), "stood", "rocked")
+        assert has_result != any(word in sentence for word in remedies), name

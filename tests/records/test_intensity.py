@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
+import tpd
 from tpd import Block, Pulse, Record
 from tpd.records import el_centro
 from tpd.records.intensity import (
@@ -18,6 +19,7 @@ from tpd.records.intensity import (
     significant_times,
     spectral_acceleration,
 )
+from tpd.scene.ground_motion import earthquakes_of, events_of
 
 G = 9.81
 BLOCK = Block(width=0.45, height=1.8, mass=900.0)
@@ -134,3 +136,22 @@ def test_ground_velocity_and_displacement_equal_the_exact_integrals():
     constant = Record(np.ones(101), 0.1)
     assert significant_times(constant) == pytest.approx((0.5, 9.5), rel=1e-12)
     assert sum(significant_times(record)) == pytest.approx(0.4, rel=1e-12)
+
+
+def test_a_motion_on_a_building_has_the_intensities_and_the_earthquake_of_the_ground():
+    grounds = [tpd.records.el_centro(), tpd.records.loma_prieta()]
+    roofs = [m.on_building(0.35) for m in grounds]
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0)
+    for name in INTENSITIES:
+        of = intensity_of(name, block, 9.80665, 0.3 if name == "sa" else None)
+        assert [of.value(m) for m in roofs] == [of.value(m) for m in grounds]
+    assert events_of(roofs) == events_of(grounds)
+    np.testing.assert_array_equal(
+        earthquakes_of([*roofs, *grounds])[:2], earthquakes_of([*roofs, *grounds])[2:]
+    )
+    assert roofs[0].notes[-1] == "on a building with a period of 0.35 s and 5 % damping"
+    half = roofs[0].scaled(0.5)
+    assert float(half.at_ground.pga) == pytest.approx(0.5 * float(grounds[0].pga))
+    for wrong in ({"period": 0.0}, {"period": 1.0, "damping": 0.9}):
+        with pytest.raises(ValueError, match="must be between"):
+            grounds[0].on_building(**wrong)

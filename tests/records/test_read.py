@@ -371,3 +371,10 @@ def test_an_implausible_peak_gives_a_warning(tmp_path):
             assert (
                 any("nines and is repeated. Is it a mark of missing data? a" in x for x in said) == is_marked
             )
+
+
+def test_a_path_can_begin_with_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    rows = "".join(f"{0.01 * i:.2f},{i % 5}\n" for i in range(50))
+    (tmp_path / "a.csv").write_text(f"time (s),acc (m/s2)\n{rows}")
+    assert Record.read("~/a.csv") == Record.read_all("~/a.csv")[0] == Record.read(tmp_path / "a.csv")

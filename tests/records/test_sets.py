@@ -91,3 +91,7 @@ def test_the_first_far_field_record_has_its_published_peaks():
     pair = tpd.records.fema_p695("far-field")[:2]
     assert max(r.pga for r in pair) / 9.80665 == pytest.approx(0.52, abs=5e-3)
     assert max(r.pgv for r in pair) == pytest.approx(0.63, abs=5e-3)
+
+
+def test_the_records_of_the_package_state_their_earthquakes():
+    assert tpd.records.loma_prieta().event == "Loma Prieta 1989-10-18"

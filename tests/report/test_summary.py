@@ -188,3 +188,19 @@ def test_the_row_on_variations_has_the_two_that_reduce_the_benefit_most():
     said = depends_on(Details(variations=(stated, rows[2])))
     assert said == "nothing varied reduces the benefit significantly"
     assert depends_on(Details(variations=(stated,))) == ""
+
+
+def test_the_row_on_failures_compares_each_with_no_pendulum():
+    row = details().of("failure")[0]
+    of = lambda n, words, measure="overturning": row._replace(  # noqa: E731
+        runs=paired([np.inf] * n + [0.1] * (40 - n), [np.inf] * 10 + [0.4] * 30), words=words, measure=measure
+    )
+    said = if_a_part_fails(Details(variations=(of(30, "hinge stuck"), of(0, "damper lost"), of(11, "other"))))
+    assert said == (
+        "overturned: hinge stuck, 75.0 % (more); damper lost, 0.0 % (fewer); "
+        "other, 27.5 % (no significant difference); without a pendulum 25.0 %"
+    )
+    assert if_a_part_fails(Details(variations=(of(30, "hinge stuck", "tilt"),))).startswith(
+        "mean tilt: hinge"
+    )
+    assert if_a_part_fails(Details()) == ""

@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 
 import tpd
+from tests import designs
 from tests.report.conftest import harmonic
 from tpd.limits import Clearance, Mass
 from tpd.report import words
+from tpd.report.words import point, rule_and_search
 from tpd.scene.bob import Bob
 
 PAPER = tpd.paper_scene()
@@ -86,3 +88,19 @@ def test_each_limit_is_described_in_words():
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in harmonic().problem.limits]
     assert said == ["at most 0.5 rad", "at least 0.05"]
+
+
+def test_the_rows_of_rule_and_search_state_reduction_reasons_and_groups():
+    design = designs.ground_design()
+    rows = dict(rule_and_search(design))
+    assert list(rows) == ["rule", "search"]
+    for name, of in (("rule", design.rule), ("search", design.searched)):
+        less, by, around = of.runs.reduction(of.measure)[0].fall_in_words()
+        assert rows[name].startswith(f"{point(of.pendulum, 3, 3)}: {by} {'lower' if less else 'higher'} ")
+        assert around in rows[name]
+        assert ("; not recommended, because " in rows[name]) == bool(of.refusals)
+    masses = [float(x[0] * design.scene.block.mass) for x in design.searched.crossed]
+    ends = f"; without each group of earthquakes: {min(masses):.3g} to {max(masses):.3g} kg"
+    assert rows["search"].endswith(ends)
+    assert "group" not in rows["rule"]
+    assert not dict(rule_and_search(harmonic())).keys() & {"rule"}

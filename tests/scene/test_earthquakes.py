@@ -43,3 +43,10 @@ def test_stated_names_of_one_day_and_pulses_count_separately():
         records = [Record([0.0, 1.0, i], 0.01, event=f"{i} 2023-02-06", notes=notes) for i in (2, 3)]
         assert len({*events_of(records)}) == count
     assert len({*events_of([Pulse.one_sine(acceleration=1.0, frequency=f) for f in (1.0, 2.0)])}) == 2
+
+
+def test_records_without_an_earthquake_count_as_one():
+    records = [
+        Record([0.0, 1.0, -0.1 * i, 0.3 * i**2], 0.01, event=x) for i, x in enumerate(("", "", "A", ""), 1)
+    ]
+    assert len({*events_of(records)}) == 2

@@ -32,3 +32,9 @@ def test_initial_states_fill_their_ranges_and_the_first_is_at_rest():
     # The first run is the nominal one; the others are of a Latin hypercube: one in a row of every column.
     assert np.all(draws[0, [0, 1, 2, 3, 6, 13]] == 0.5)
     assert np.all(np.diff(np.sort(np.floor(draws[1:] * 16), axis=0), axis=0) > 0.0)
+
+
+def test_the_first_run_has_no_scatter():
+    draws = Ensemble(size=16, seed=5).draws()
+    assert draws.shape == (16, 14)
+    assert np.all(np.delete(draws[0], [4, 5]) == 0.5)

@@ -288,3 +288,12 @@ def test_the_hinge_is_at_the_top_unless_its_height_is_stated():
     for height, kappa in ((0.4, 2.0), (0.2, 1.0), (0.5, 2.5)):
         at = scene.parameters(scene.pendulum(**sizes, hinge_height=height))
         assert (at.kappa, at.lam, at.mu) == (pytest.approx(kappa, rel=1e-15), 0.5, 0.1)
+
+
+def test_a_wrong_centroid_is_reported_before_the_friction_that_it_makes_too_large():
+    sizes = {"width": 0.1, "height": 0.4, "mass": 16.224, "friction": 0.2, "radius_of_gyration": 0.1}
+    assert Block(**sizes).friction == 0.2
+    with pytest.raises(ValueError, match=r"^`centroid_height` must be between"):
+        Block(**sizes, centroid_height=0.39)
+    with pytest.raises(ValueError, match=r"^`friction` must be at most 0\.14"):
+        Block(**sizes, centroid_height=0.35)

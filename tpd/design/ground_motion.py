@@ -341,7 +341,7 @@ class GroundMotionProblem(Problem):
 
     def level_range(self, first: int, last: int) -> str:
         """See `Problem.level_range`."""
-        return " to ".join(pair_of(self._edges[first], self._edges[last + 1]))
+        return " to ".join(pair_of(self._edges[first], self._edges[last + 1], 3))
 
     @property
     def measure_in_words(self) -> str:  # type: ignore[override]
