@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import tpd
+from tests import designs
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
@@ -287,22 +288,32 @@ def test_every_control_has_an_accessible_label(show):
 
 BLOCK = {"width": 1.0, "height": 5.0, "mass": 5000.0, "cavity_width": 0.7}
 COLUMN = BLOCK | {"height": 6.0}
-EL_CENTRO = {"records": ["el-centro"], "validation_share": 0.0, "scales": [3.0]}
+RECORDS = {"records": ["el-centro", "loma-prieta"], "validation_share": 0.0, "scales": [3.0]}
 COSINE = {"pulse": "one-cosine", "pulse_frequency": 0.8, "pga": 3.0 / 9.80665}
 
 
 @pytest.mark.parametrize(
-    ("block", "motion", "push"),
-    [(COLUMN, EL_CENTRO, 0.0), (COLUMN, EL_CENTRO, 0.3), (BLOCK | {"restitution": 0.9}, COSINE, -0.3)],
+    ("block", "motion", "push", "choice"),
+    [
+        (COLUMN, RECORDS, 0.0, 0),
+        (COLUMN, RECORDS, 0.3, 1),
+        (BLOCK | {"restitution": 0.9}, COSINE, -0.3, 0),
+        (BLOCK | {"restitution": 0.9}, COSINE, 0.0, 4),
+    ],
 )
-def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, block, motion, push):
+def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, block, motion, push, choice):
     job = job_of({"block": block, "excitation": motion})
     window.errors.clear()
     window.open(tpd.explore(job).write(tmp_path / "ground.html"))
     assert window.run("[...document.querySelectorAll('.harmonic')].every((part) => part.hidden)")
     type_in(window, "push", str(push))
-    shaken = job.shaking if "pulse" in motion else job.conditions.motions[0]
-    factor = 1.0 if "pulse" in motion else motion_factors(job.scene, job.conditions)[0]
+    window.run(
+        f"""{{ const motion = document.getElementById("motion");
+        motion.value = {choice};
+        motion.dispatchEvent(new Event("change", {{ bubbles: true }})); }}"""
+    )
+    shaken, which = job.conditions.motions[choice], list(job.conditions.which)
+    factor = motion_factors(job.scene, job.conditions)[which.index(choice)]
     scene, nu = tpd.Scene(job.block, shaken.scaled(factor)), 1.0 / block["height"]
     y0, said = np.array([push * nu, 0.0, 0.0, 0.0]), status(window).split(" (one motion")[0]
     for name, pendulum, words in (
@@ -317,6 +328,20 @@ def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, b
         else:
             assert float(shown.split()[0]) == pytest.approx(float(expected.tilt) / nu, rel=5e-3)
         assert words.format(outcome) in said
+    assert not window.errors
+
+
+def test_a_design_for_earthquakes_shows_its_shares_over_the_level_and_keeps_its_verdict(window, tmp_path):
+    window.errors.clear()
+    window.open(tpd.explore(designs.ground_design()).write(tmp_path / "ground.html"))
+    before, verdict = row(window, "overturned"), text_of(window, "verdict")
+    assert "% with the pendulum" in before[0]
+    assert type_in(window, "level", "2.5") == 2.5
+    assert (row(window, "overturned"), text_of(window, "verdict")) == (before, verdict)
+    assert not window.run("document.getElementById('levels-figure').hidden")
+    # A share of the blue line is drawn: the figure is not empty.
+    pixels = "document.getElementById('levels').getContext('2d').getImageData(60, 12, 300, 200).data"
+    assert window.run(f"new Set({pixels}.filter((x, n) => n % 4 === 0)).size") > 3
     assert not window.errors
 
 
@@ -346,9 +371,9 @@ def test_limits_under_a_ground_motion_use_the_motion_on_the_page(window, tmp_pat
     shown = float(row(window, "clearance", "limits")[0].split()[0])
     assert shown == pytest.approx(100.0 * reach / half, rel=6e-3)
     assert "Limits exceeded: " in status(window)
-    type_in(window, "scale", "0.2")
+    type_in(window, "level", "0.2")
     assert row(window, "largest-without")[0].startswith("0 ")
-    assert "cosine, condition 1 of 15, peak 0.6 m/s²" in window.run("document.body.textContent")
+    assert text_of(window, "ground") == "peak 0.6 m/s²"
 
 
 def test_the_status_line_begins_with_the_outcome_of_a_block_that_overturns(window, tmp_path):

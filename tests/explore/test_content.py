@@ -157,14 +157,17 @@ def test_the_page_of_a_job_has_its_limits_and_space():
 def test_a_pulse_has_its_acceleration_instead_of_tables():
     job = job_of(PULSE)
     out = content(job)
-    assert out.keys() == KEYS | {"ground"}
-    ground = out["ground"]
-    pieces = np.frombuffer(base64.b64decode(ground["data"]), "<f4").reshape(-1, ground["order"])
+    assert out.keys() == KEYS | {"grounds", "levels"}
+    # Each pulse of the band can be chosen.
+    ground, *others = out["grounds"]
+    assert len({x["name"] for x in others} - {ground["name"]}) == 4
+    codes = np.frombuffer(base64.b64decode(ground["data"]), "<i2").reshape(-1, len(ground["units"]))
     motion = job.shaking
-    np.testing.assert_allclose(pieces, np.asarray(motion.pieces())[:, : ground["order"]], atol=1e-6)
+    pieces = np.asarray(motion.pieces())[:, : codes.shape[1]]
+    np.testing.assert_allclose(codes * ground["units"], pieces, atol=2e-5 * np.abs(pieces).max())
     assert ground["peak"] == pytest.approx(0.5 * 9.80665)
     assert ground["piece"] == float(motion.piece)
-    assert values(out)["scale"] == 1.0
+    assert (values(out)["level"], out["levels"]) == (1.0, [])
 
 
 @pytest.mark.parametrize("bad", [None, 3, "chimney", PENDULUM])
@@ -185,6 +188,11 @@ def test_stored_runs_under_records_are_the_counted_runs():
     (overturned, mean, _) = runs["rows"]
     assert overturned[3].startswith(f"validation runs: {int(counted.sum())} paired runs")
     assert 0 < counted.sum() < len(counted)
+    # One share for each stratum of the levels, with and without the pendulum, of the counted runs.
+    levels = np.array([level["overturned"] for level in content(design)["levels"]])
+    means = [np.mean(case.is_overturned[counted]) for case in (pairs.with_pendulum, pairs.without_pendulum)]
+    assert levels.shape == (16, 2)
+    np.testing.assert_allclose(levels.mean(axis=0), means)
     cases = pairs.with_pendulum, pairs.without_pendulum
     shares = [f"{100 * np.mean(case.is_overturned[counted]):.1f} % with" for case in cases]
     tilts = [f"{np.mean(case.severity[counted]):.3g}" for case in cases]
@@ -194,5 +202,5 @@ def test_stored_runs_under_records_are_the_counted_runs():
 
 def test_a_simulation_lasts_as_long_as_a_validation_run():
     out = content(job_of(PULSE))
-    assert out["ground"]["seconds"] == pytest.approx(1.0 + FREE)
+    assert out["grounds"][0]["seconds"] == pytest.approx(1.0 + FREE)
     assert content(job_of({"ensemble": {"periods": 70}}))["periods"] == 70

@@ -327,7 +327,7 @@ class GroundMotionProblem(Problem):
         return LEVELS if len(self._scales) > 1 else 1
 
     @property
-    def _edges(self) -> np.ndarray:
+    def edges(self) -> np.ndarray:  # type: ignore[override]
         """Ends of the strata of the levels, shape (levels + 1,)."""
         return np.geomspace(self._scales[0], self._scales[-1], self._count + 1)
 
@@ -341,7 +341,7 @@ class GroundMotionProblem(Problem):
 
     def level_range(self, first: int, last: int) -> str:
         """See `Problem.level_range`."""
-        return " to ".join(pair_of(self._edges[first], self._edges[last + 1], 3))
+        return " to ".join(pair_of(self.edges[first], self.edges[last + 1], 3))
 
     @property
     def measure_in_words(self) -> str:  # type: ignore[override]
@@ -357,7 +357,7 @@ class GroundMotionProblem(Problem):
         n, hits = self._count, [np.where(x.is_unanswered, np.nan, x.is_overturned) for x in cases]
         motions = slice(None) if counted is None else counted[::n]
         outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
-        edges, quakes = self._edges * hazard.factor(measure), self.earthquakes[::n][motions]
+        edges, quakes = self.edges * hazard.factor(measure), self.earthquakes[::n][motions]
         return None if n == 1 else rates_of_outcomes(hazard, edges, outcomes, quakes)
 
     def yearly(self, rates: AnnualRates | None) -> tuple[str, ...]:
@@ -390,12 +390,12 @@ class GroundMotionProblem(Problem):
     ) -> Conditions:
         """Return every motion of every group at every level, with the stated block or blocks that vary.
 
-        Several levels are drawn from the strata between `_edges`, for each motion by its accelerations. They
+        Several levels are drawn from the strata between `edges`, for each motion by its accelerations. They
         are therefore the same in all cases, for all seeds and in all commands. With `stated` the levels are
         the stated ones.
         """
-        motions, edges = [m for g in self.groups for m in g.motions], np.log(self._edges)
-        scales = self._scales if stated else self._edges[1:]
+        motions, edges = [m for g in self.groups for m in g.motions], np.log(self.edges)
+        scales = self._scales if stated else self.edges[1:]
         out = Conditions.records(motions, scales, intensity=self.conditions.intensity)
         if self._count > 1 and not stated:
             draws = [np.random.default_rng(int(m.digest[:16], 16)).random(LEVELS) for m in motions]

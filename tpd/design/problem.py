@@ -153,6 +153,8 @@ class Problem(ABC):
     """Status of a design that passes the validation, as far as the excitation allows a verdict."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
+    edges: ClassVar[np.ndarray] = np.array([])
+    """Ends of the strata of the levels, in the unit of their intensity."""
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
     """Whether each validation run under ground motions belongs to a stratum of the intensity, by the ends of
     the stratum; empty if there is one level, and under harmonic excitation."""

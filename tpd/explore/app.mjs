@@ -18,11 +18,11 @@ const create = (tag, properties = {}) => Object.assign(document.createElement(ta
 const percent = (x) => (x === null ? "unknown" : `${(100 * x).toFixed(1)} %`);
 
 const data = JSON.parse(byId("data").textContent);
-const { scene, limits, controls, ground, tables, trials } = data;
+const { scene, limits, controls, grounds, tables, trials } = data;
 const tableOf = (name) => tables?.[name] && decode(tables[name]);
 const grid = tableOf("grid"), without = tableOf("without"), recommended = tableOf("recommended");
 const shares = trials && decode(trials.map);
-const base = ground && { ...ground, powers: new Float32Array(bytesOf(ground.data)), span: ground.piece * scene.rate };
+let ground = grounds?.[0];
 const ranges = Object.fromEntries(controls.map((control) => [control.name, control]));
 const state = { play: true, speed: 1, push: 0 };
 
@@ -68,14 +68,15 @@ function set(values, isNoticed = true) {
 
 /** Return whether all controls but mass and length have their first values, for which the map of shares holds. */
 const isFixed = () => controls.every((control) => ["mass", "length"].includes(control.name) || isFirst(control));
-const isFirst = ({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Math.abs(value);
+/** Return whether a control has its first value; runs and verdict of a report hold for all levels. */
+const isFirst = ({ name, value }) => name === "level" || Math.abs(state[name] - value) <= 1e-6 * Math.abs(value);
 
 // Values and their sources
 
 /** Return the excitation of the controls, as `parameters` takes it. */
 function excitation() {
   // Under a ground motion the frequency only sets the length of a step.
-  if (ground) return { peak: ground.peak * state.scale, frequency: scene.rate / (2 * Math.PI) };
+  if (ground) return { peak: ground.peak * state.level, frequency: scene.rate / (2 * Math.PI) };
   return { amplitude: state.amplitude, frequency: state.frequency };
 }
 
@@ -99,13 +100,21 @@ function steady() {
   return { tilt, swing, without: settled(without, ["tilt"], [frequency, amplitude], null)[0] };
 }
 
+/** Return the acceleration of the base as the simulation takes it; null under a harmonic. */
+function base() {
+  if (!ground) return null;
+  const { units, data } = ground, order = units.length;
+  ground.powers ??= Float32Array.from(new Int16Array(bytesOf(data)), (code, n) => code * units[n % order]);
+  return { powers: ground.powers, order, span: ground.piece * scene.rate };
+}
+
 /** Return the duration of a validation run, s, which is also that of a simulation; and its description. */
 const duration = () => (ground ? ground.seconds : data.periods / state.frequency);
 const spanText = () => `${ground ? "whole motion" : `${data.periods} periods`}, ${format(duration())} s`;
 
 /** Return largest values, outcome and history of the motion from the start of the controls; null is no pendulum. */
 function simulate(pendulum) {
-  const motion = new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base);
+  const motion = new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base());
   const parts = Math.ceil(ground ? ground.seconds : data.periods), history = [];
   const largest = { tilt: 0, swing: 0, rodAngle: 0, tension: 0, rate: 0 };
   const record = ({ y, tau, tension, hasEnded }) => {
@@ -326,7 +335,7 @@ function drawShares() {
   const axes = drawPlane("shares", values.map((share) => 0.8 * share)), { c, left, top, wide, tall } = axes;
   const at = ([i, j]) => [left + (i + 0.5) * wide, top + (j + 0.5) * tall];
   lines.forEach((line, i) => {
-    const pieces = line.map((piece) => piece.map(at)), text = `${Math.round(100 * levels[i])} %`;
+    const pieces = line.map((piece) => piece.map(at)), text = `${Math.round(100 * levels[i])} %${i ? "" : " (none)"}`;
     drawLine(c, pieces.flatMap((piece) => [...piece, [0, NaN]]), INK, i ? 1 : 3);
     for (const [[x, y]] of pieces) {
       const isFree = ([a, b, own]) => Math.hypot(a - x, b - y) > (own === text ? 180 : 60);
@@ -338,7 +347,20 @@ function drawShares() {
   const least = Math.min(...values), { mass, length } = samples[values.indexOf(least)];
   const own = isFixed() ? ` and ${percent(shareAt(state))} with yours` : "";
   byId("shares-text").textContent = `Of the runs ${percent(alone)} overturn without a pendulum${own}. The least `
-    + `share is ${percent(least)}, at ${format(mass)} kg and ${format(length)} m.`;
+    + `share is ${percent(least)}, at ${format(mass)} kg and ${format(length)} m. `
+    + (lines[0].length ? "Thick line: as many as without a pendulum." : "No pendulum of the map is as bad as none.");
+}
+
+/** Draw the shares of the validation runs that overturn, over the level of the ground motions. */
+function drawLevels() {
+  const [low, high] = [data.levels[0].level[0], data.levels.at(-1).level[1]], view = cleared(byId("levels"));
+  const x = { low, high, log: true, label: ranges.level.label.replace("Level: ", "") };
+  const { px, py, top, bottom } = drawAxes(view, x, { low: 0, high: 1, label: "share" });
+  const line = (i) => data.levels.map(({ level: [a, b], overturned }) => [px(Math.sqrt(a * b)), py(overturned[i])]);
+  drawLine(view.c, line(1), GREY, 2, [5, 3]);
+  drawLine(view.c, line(0), BLUE, 1.8);
+  const now = px(clamped(state.level, low, high));
+  drawLine(view.c, [[now, top], [now, bottom]], INK, 1);
 }
 
 /** Draw the steady tilt over mass and length, the regions of exceeded limits, and both pendulums. */
@@ -454,7 +476,7 @@ function drawMotions() {
 
 /** Return the largest values without a pendulum, which only a change of the excitation or of the start changes. */
 function simulateAlone() {
-  const key = JSON.stringify([excitation(), state.push]);
+  const key = JSON.stringify([grounds?.indexOf(ground), excitation(), state.push]);
   if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];
   return simulateAlone.values;
 }
@@ -481,7 +503,8 @@ function update(isNew = true) {
   drawMotions();
   const stale = "Verdict of the report, which does not hold for the values below: ";
   byId("verdict").textContent = data.verdict && !controls.every(isFirst) ? stale + data.verdict : data.verdict;
-  if (ground) byId("ground").textContent = `${ground.name}, peak ${format(ground.peak * state.scale)} m/s²`;
+  if (ground) byId("ground").textContent = `peak ${format(ground.peak * state.level)} m/s²`;
+  if (data.levels?.length) drawLevels();
   const exceeded = shares.filter(({ exceeded }) => exceeded).map(({ name }) => data.limit_labels[name]);
   const outcomes = `With your pendulum the block ${largest.outcome}; without a pendulum it ${alone.outcome} `
     + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
@@ -502,11 +525,14 @@ function begin() {
   const others = data.other_limits.join(", ");
   byId("other-limits").textContent = others && `Not evaluated on this page: ${others}.`;
   for (const part of document.querySelectorAll(".harmonic")) part.hidden = Boolean(ground);
-  byId("ground-text").hidden = !ground;
+  byId("ground-text").hidden = byId("motion").hidden = !ground;
+  byId("levels-figure").hidden = !data.levels?.length;
+  byId("motion").append(...(grounds ?? []).map(({ name }, i) => create("option", { textContent: name, value: i })));
+  byId("motion").addEventListener("change", ({ target }) => ((ground = grounds[target.value]), update()));
   byId("runs-words").textContent = trials?.words ?? "";
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
-  byId("reset").addEventListener("click", () => set(first));
+  byId("reset").addEventListener("click", () => ((byId("motion").value = 0), (ground = grounds?.[0]), set(first)));
   const play = byId("play"), toggle = () => (play.textContent = (state.play = !state.play) ? "Pause" : "Play");
   play.addEventListener("click", toggle);
   byId("restart").addEventListener("click", () => ((clock = 0), drawMotions()));

@@ -25,7 +25,7 @@ from tpd.design.space import HEAVIEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
-from tpd.report.json import json_of
+from tpd.report.json import json_of, shares_at_levels
 from tpd.scene.impacts import heaviest_of_housner, housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
@@ -45,7 +45,6 @@ _LABELS = {
     "damping": ("Damping ratio of the hinge", ""),
     "frequency": ("Frequency", "Hz"),
     "amplitude": ("Amplitude", "m"),
-    "scale": ("Factor on the ground motion", ""),
 }
 """Labels and units of the controls."""
 _LINEAR = "damping", "amplitude"
@@ -67,8 +66,10 @@ _RUN_ROWS = ("overturned", "Share overturned in the report"), ("mean", "Mean til
 _NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
 """Numbers by their words in a file."""
 _NO_RUNS = "no validation runs near this design and excitation"
-_SCALES = 0.1, 5.0
-"""Range of the slider of the factor on a ground motion."""
+_LEVELS = 0.1, 2.0
+"""Range of the slider of the level, over the lowest and the highest level of the ground motions."""
+_CODES = 32767
+"""Largest whole number of two bytes, in which the page stores an acceleration."""
 
 
 def content(subject: Subject) -> dict[str, Any]:
@@ -87,7 +88,8 @@ def content(subject: Subject) -> dict[str, Any]:
     answer: Mapping[str, Any] = subject.content if isinstance(subject, StoredDesign) else {}
     if isinstance(subject, Design):
         problem, names = subject.problem, ("pendulum", "validated", "equivalent")
-        answer = json_of({n: getattr(subject, n) for n in names} | {"verdict": subject.status.value})
+        shown = {n: getattr(subject, n) for n in names} | {"levels": shares_at_levels(subject)}
+        answer = json_of(shown | {"verdict": subject.status.value})
     else:
         problem = problem_of(subject.job if isinstance(subject, StoredDesign) else subject)
     start, stated = _first_pendulum(problem, answer), answer.get("pendulum")
@@ -114,7 +116,7 @@ def content(subject: Subject) -> dict[str, Any]:
     # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
     if isinstance(problem, HarmonicProblem):
         return out | _harmonic(problem, start, pendulum)
-    return out | _ground_motion(problem, start)
+    return out | _ground_motions(problem, start) | {"levels": answer.get("levels") or []}
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
@@ -248,27 +250,36 @@ def _trials(problem: HarmonicProblem, start: Pendulum, axes: list[GridAxis]) -> 
     }
 
 
-def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
-    """Controls, and acceleration of the base under the pulse or record that the page simulates."""
-    conditions = problem.conditions
-    # The slider begins with the first condition of the design.
-    factor = float(motion_factors(problem.scene, conditions)[0])
-    motion = conditions.motions[int(np.asarray(conditions.which)[0])].scaled(factor)
+def _ground_motions(problem: Problem, start: Pendulum) -> dict[str, Any]:
+    """Controls, and accelerations of the base under pulses or records, of which the page simulates one."""
+    conditions, values = problem.conditions, problem.conditions.column("amplitude")
+    # The motion of a condition is proportional to its level.
+    factors = motion_factors(problem.scene, conditions) / values
+    _, first = np.unique(np.asarray(conditions.which), return_index=True)
+    own, ranges = _values_of(start) | {"level": float(values[0])}, _ranges(problem, start)
+    ranges["level"] = _LEVELS[0] * float(values.min()), _LEVELS[1] * float(values.max())
+    motions = (m.scaled(float(factors[i])) for m, i in zip(conditions.motions, first, strict=True))
+    words = {"level": (f"Level: {problem.measure_in_words}", "")}
+    return {"controls": _controls(own, ranges, _LABELS | words), "grounds": list(map(_encoded, motions))}
+
+
+def _encoded(motion: Any) -> dict[str, Any]:
+    """Return a pulse or a record as numbers and texts for JSON.
+
+    Coefficients become whole numbers of two bytes in base64, rounded by at most 2e-5 of the largest one.
+    """
     pieces = np.asarray(motion.pieces())
     # A record is linear between its samples: its higher coefficients are zero and are left out.
-    order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
-    own, ranges = _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
+    pieces = pieces[:, : int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1]
+    units = np.maximum(np.abs(pieces).max(axis=0), np.finfo(float).tiny) / _CODES
+    period = f", {number(1.0 / float(motion.frequency), 3)} s" if hasattr(motion, "frequency") else ""
     return {
-        "controls": _controls(own, ranges),
-        "ground": {
-            "name": f"{getattr(motion, 'kind', '') or motion.name or 'record'}, condition 1 of "
-            f"{len(conditions)}",
-            "peak": float(motion.pga),
-            "piece": float(motion.piece),
-            "seconds": float(motion.duration) + FREE,
-            "order": order,
-            "data": base64.b64encode(pieces[:, :order].astype("<f4").tobytes()).decode(),
-        },
+        "name": (getattr(motion, "kind", "") or getattr(motion, "name", "") or "record") + period,
+        "peak": float(motion.pga),
+        "piece": float(motion.piece),
+        "seconds": float(motion.duration) + FREE,
+        "units": units.tolist(),
+        "data": base64.b64encode(np.rint(pieces / units).astype("<i2").tobytes()).decode(),
     }
 
 
@@ -278,11 +289,13 @@ def _values_of(pendulum: Pendulum) -> dict[str, float]:
     return {name: float(x) for name, x in zip(_QUANTITIES, sizes, strict=True)}
 
 
-def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+def _controls(
+    own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]], words: Mapping[str, Any] = _LABELS
+) -> list[dict[str, Any]]:
     """Controls of the page: each with its name, label, unit, group, first value and range."""
     controls = []
     for name, value in own.items():
-        (label, unit), (low, high) = _LABELS[name], ranges[name]
+        (label, unit), (low, high) = words[name], ranges[name]
         group = "pendulum" if name in _QUANTITIES else "excitation"
         texts = {"name": name, "label": label, "unit": unit, "group": group}
         controls.append(texts | {"value": value, "low": low, "high": high, "log": name not in _LINEAR})

@@ -61,6 +61,7 @@ def as_json(design: Design, details: Details, first: Summary) -> str:
         "versions": files.versions(),
         "parameters": p and {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "runs": design.runs,
+        "levels": shares_at_levels(design),
         "without_pendulum": problem.without_pendulum,
         "validated": design.validated,
         "rule": next((i for i, v in enumerate(design.validated) if v is design.rule), None),
@@ -72,6 +73,22 @@ def as_json(design: Design, details: Details, first: Summary) -> str:
         },
     }
     return files.as_json(json_of(entries))
+
+
+def shares_at_levels(design: Design) -> list[dict[str, Any]]:
+    """Return the shares of the counted runs that overturn with and without the pendulum, in each stratum of
+    the levels of ground motions; empty if there are none."""
+    if (runs := design.runs) is None:
+        return []
+    counted = True if runs.counted is None else runs.counted
+    cases, edges = (runs.with_pendulum, runs.without_pendulum), design.problem.edges
+    return [
+        {
+            "level": edges[i : i + 2].tolist(),
+            "overturned": [case.of(rows & counted).share_overturned.value for case in cases],
+        }
+        for i, rows in enumerate(design.problem.levels.values())
+    ]
 
 
 def json_of(x: Any) -> Any:
