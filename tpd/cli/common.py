@@ -83,7 +83,7 @@ _SIZE_KEYS = {"records", "scales", "pga", "intensity"}
 def _complete_motion(options: argparse.Namespace) -> None:
     """Add keys of the motion that every job requires although the command does not use them."""
     motion = tables_of(options).get("excitation", {})
-    if options.command == "spectrum" and "pulse" in motion:
+    if options.command == "spectrum" and motion.get("pulse"):
         if unused := {"pulse_frequency", "pga"} & set(motion):
             flag = f"--{min(unused).replace('_', '-')}"
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")

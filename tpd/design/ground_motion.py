@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, compress
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -98,22 +98,22 @@ class GroundMotionProblem(Problem):
     # The same earthquakes validate all designs. A second design of the search is validated only if the
     # benefit of the first is sufficient and limits are the only reason against it. Otherwise several designs
     # could be validated until the benefit of one of them is large by chance.
-    attempts: ClassVar[int] = 2
+    attempts = 2
     retries = frozenset(
         {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit, ReasonKind.slides}
     )
     # The design reaches its limits under the motions of the search. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
-    spare: ClassVar[float] = 0.05
-    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+    spare = 0.05
+    defaults = Problem.defaults | {
         "risk": Risk.expected(),
         "limits": (Stroke(), Clearance()),
         "method": GroundSearch(),
         "ensemble": Ensemble(),
         "validation_share": None,
     }
-    has_earthquakes: ClassVar[bool] = True
-    usual_contacts: ClassVar[float] = 0.1
+    has_earthquakes = True
+    usual_contacts = 0.1
 
     @staticmethod
     def of(
@@ -256,7 +256,7 @@ class GroundMotionProblem(Problem):
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""
         motions: list[Any] = [m for g in self.groups for m in g.motions]
-        if not all(isinstance(m, Pulse) for m in motions) or len(motions) == 1:
+        if not _are_pulses(motions) or len(motions) == 1:
             return ""
         if not runs.is_overturned.any():
             return "no pulse of the band overturns the block"
@@ -278,7 +278,7 @@ class GroundMotionProblem(Problem):
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
         least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
-        least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
+        least *= _PULSES if _are_pulses(self.conditions.motions) else 1
         repeats = max(1, round(least / len(self.conditions))) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, some, Variation(equations=equations))
@@ -443,6 +443,10 @@ class GroundMotionProblem(Problem):
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
         return ground_row_of(unchecked(q, f=q.f * f[which]), size=factor, piece=pieces)
+
+
+def _are_pulses(motions: Sequence[Any]) -> bool:
+    return all(isinstance(motion, Pulse) for motion in motions)
 
 
 def _with_motions(conditions: Conditions, motions: Sequence[GroundMotion]) -> Conditions:

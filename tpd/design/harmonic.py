@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class HarmonicProblem(Problem):
     """Initial states of the search."""
     objective: Objective
     """Quantity that the descents minimise. Trials and validation reduce what `requirements.reduce` states."""
-    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+    defaults = Problem.defaults | {
         "risk": Risk.cvar(),
         "limits": DEFAULT_LIMITS,
         "method": Descent(),
@@ -106,8 +106,8 @@ class HarmonicProblem(Problem):
         "objective": Settling(),
     }
     pictures = *Problem.pictures, "motion"
-    has_earthquakes: ClassVar[bool] = False
-    attempts: ClassVar[int] = 3
+    has_earthquakes = False
+    attempts = 3
     # Other reasons than limits are those of the best design, so that no other one is better.
     retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit})
 

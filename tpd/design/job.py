@@ -234,13 +234,13 @@ class Job(ABC):
         motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
             raise ValueError("the acceleration of the motion must not be zero at all times")
-        # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
-        size = 1.0
         with naming("excitation"):
-            checks.plausible("the largest of `scales`", max(scales), keys["intensity"])
-        if keys["scales"] is not None and keys["intensity"] != "scale":
-            size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
-        return motion.scaled(scales[0] / size)
+            checks.plausible("the largest of `scales`", scales[0], self.intensity)
+        if keys["scales"] is None:
+            return motion
+        # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
+        measure = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None)
+        return motion.scaled(scales[0] / measure.value(motion))
 
     @property
     def single(self) -> Scene:

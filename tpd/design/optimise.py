@@ -34,7 +34,7 @@ from tpd.design.reasons import OFFERED, VALIDATED, DesignStatus
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Crossed, Validation, validate
+from tpd.design.validate import Validation, validate
 from tpd.limits import Limit, Objective, Requirements
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
@@ -192,9 +192,9 @@ _FEWEST = {"designs": 4, "steps": 0}
 """Smallest numbers of trials of a search of cross-fitting."""
 
 
-def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
-    """Return the best design of the search for each group of earthquakes, without the group; None without
-    cross-fitting.
+def _cross_fit(problem: Problem, progress: Progress) -> np.ndarray | None:
+    """Return the best design of the search for each group of earthquakes, without the group, as an array
+    (groups, 3); None without cross-fitting.
 
     The searches have half of the trials. Their designs can only be worse for it, and the verdict is cautious.
     If no design keeps the limits, it is the first guess, and without one the smallest design of the space.
@@ -206,7 +206,7 @@ def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
         guess = first_guess(other)
         best = other.improver(guess, progress).best([])
         designs.append(best if best is not None else other.space.ends[0] if guess is None else guess)
-    return Crossed.of(problem, np.array(designs)) if designs else None
+    return np.array(designs) if designs else None
 
 
 def _is_better(searched: Validation, rule: Validation) -> bool:

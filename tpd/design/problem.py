@@ -359,7 +359,7 @@ class Problem(ABC):
         if status is DesignStatus.slides:
             at, uplift = pair_of(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        stays, (times, _) = (f"{DesignStatus.no_uplift.head}: {STAYS}", pair_of(alone.safety_factor, 1.0))
+        stays, times = f"{DesignStatus.no_uplift.head}: {STAYS}", pair_of(alone.safety_factor, 1.0)[0]
         return f"{stays}, and an excitation that is {times} times as strong would lift it. {AFTER_PUSH}"
 
     @property

@@ -294,11 +294,10 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     required, or if no run overturns without the pendulum.
     """
     usual, other = runs.first_measure, "tilt" if measure == "overturning" else "overturning"
-    measures = [measure, *([] if other == "overturning" != usual else [other])]
-    if runs.change("overturned").without_pendulum == 0.0:
-        measures = ["tilt"]
-    first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
-    if runs.change("overturned").without_pendulum > 0.0:
+    falls = runs.change("overturned").without_pendulum > 0.0
+    measures = [measure, *([] if other == "overturning" != usual else [other])] if falls else ["tilt"]
+    others = [reduced(runs, m) for m in measures]
+    if falls:
         # The mean may fall mainly because fewer runs overturn, which count as 100 %.
         tilt = runs.change("median tilt")
         pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
@@ -306,7 +305,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
             f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
             f"({without} without it)"
         )
-    return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
+    return ". ".join([overturned(runs), *(text[0].upper() + text[1:] for text in others)])
 
 
 def overturned(runs: PairedRuns) -> str:

@@ -328,7 +328,7 @@ def records(design: Design) -> list[Block]:
     table = [Table(head, tuple(rows), caption)] if rows else []
     # The same earthquake can have different names in two files. The user has to check such
     # records.
-    every = [m for motions in words.groups(design).values() for m in motions]
+    every = [m for group in design.problem.groups for m in group.motions]
     notes = design.problem.job.file_notes if design.problem.job else ()
     listed = dict.fromkeys([*notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]
