@@ -35,7 +35,7 @@ threads, by default all cores.
 """
 INTERNAL = {
     "Model": "check most_periods settle solve_steady trajectory",
-    "Assessment": "guess measures verdict",
+    "Assessment": "guess measures",
     "Bob": "inertia_share reach rod_share",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
     "Design": ("at_bounds equivalent exact_motions is_danger remedy rod_angle search sliding swing"),

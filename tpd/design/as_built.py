@@ -186,16 +186,6 @@ class Build:
     parts: Parts | None = None
     """Sizes of the parts; None if no body swings like the point of the equations."""
 
-    @property
-    def damper_moment(self) -> float:
-        """Largest moment of the damper, N m."""
-        return self.damping * self.loads.rate
-
-    @property
-    def damper_power(self) -> float:
-        """Largest power of the damper, W."""
-        return self.damper_moment * self.loads.rate
-
 
 @dataclass(frozen=True, kw_only=True)
 class TimeHistory:
@@ -360,7 +350,7 @@ def parts_of(build: Build, inertia: float) -> Parts:
         inertia: moment of inertia of the point pendulum about its hinge, kg m^2.
     """
     loads, stress, arm = build.loads, YIELD / SAFETY, ARM * build.rod
-    moment, half = build.damper_moment, build.wall / _PLACE
+    moment, half = build.damping * loads.rate, build.wall / _PLACE
     # A damper that is too long for the cavity gets a shorter arm.
     if arm * build.angle > half:
         arm = half / build.angle

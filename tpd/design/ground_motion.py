@@ -32,7 +32,7 @@ from tpd.design.settings import SCATTERED, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
-from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_each
+from tpd.scene.conditions import Conditions, HalfWidth, under_each
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
@@ -255,17 +255,15 @@ class GroundMotionProblem(Problem):
 
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""
-        motions: list[Any] = [m for g in self.groups for m in g.motions]
-        if not _are_pulses(motions) or len(motions) == 1:
+        stated: list[Any] = self.stated_motions
+        if not _are_pulses(stated) or len(stated) == self._count:
             return ""
-        if not runs.is_overturned.any():
+        falls = [motion for motion, falls in zip(stated, runs.is_overturned, strict=True) if falls]
+        if not falls:
             return "no pulse of the band overturns the block"
-        rows = np.flatnonzero(runs.is_overturned)
-        period = 1.0 / max(float(motions[int(runs.condition[i])].frequency) for i in rows)
-        stated = self.stated_motions
-        pga = min(float(stated[i].pga) for i in rows) / STANDARD_GRAVITY
+        period, pga = 1.0 / max(m.frequency for m in falls), min(m.pga for m in falls) / STANDARD_GRAVITY
         least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
-        return f"pulses overturn the block from {least} on, in {len(rows)} of {len(runs.nu)} runs"
+        return f"pulses overturn the block from {least} on, in {len(falls)} of {len(stated)} runs"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""
@@ -334,19 +332,15 @@ class GroundMotionProblem(Problem):
     @property
     def levels(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """See `Problem.levels`."""
+        return self.level_ranges(LEVELS)
+
+    def level_ranges(self, most: int) -> dict[str, np.ndarray]:
+        """See `Problem.level_ranges`."""
         if self._count == 1:
             return {}
-        level = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS)
-        return {self.level_range(i, i): level == i for i in range(LEVELS)}
-
-    def level_range(self, first: int, last: int) -> str:
-        """See `Problem.level_range`."""
-        return " to ".join(pair_of(self._edges[first], self._edges[last + 1]))
-
-    @property
-    def measure_in_words(self) -> str:  # type: ignore[override]
-        """See `Problem.measure_in_words`."""
-        return MEASURE_NAMES[self.conditions.intensity]
+        level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self._edges
+        ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
+        return {" to ".join(pair_of(edges[i[0]], edges[i[-1] + 1])): np.isin(level, i) for i in ranges}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
         """See `Problem.annual_rates`."""
@@ -517,7 +511,7 @@ def grouped(
         return _others(motions, validation_share)
     numbers = earthquakes_of(motions)
     if validation_share is None:
-        return (Group(_name(Role.both, motions), Role.both, tuple(motions), numbers),)
+        return (_group(Role.both, motions, numbers),)
     share = checks.within("validation_share", validation_share, 0.0, 0.9)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(numbers))
     # Move whole earthquakes to the validation, one after the other, until the share is reached. At least one
@@ -534,15 +528,15 @@ def grouped(
             "give more records, state their earthquakes by `records.events` (--event FILE=NAME), or give 0 "
             "to use all of them in the search"
         )
-    tuned = Group(_name(Role.tuned, inside), Role.tuned, inside, numbers[~is_outside])
-    validation = Group(_name(Role.validation, outside), Role.validation, outside, numbers[is_outside])
-    return (tuned, validation) if outside else (tuned,)
+    tuned = _group(Role.tuned, inside, numbers[~is_outside])
+    return (tuned, _group(Role.validation, outside, numbers[is_outside])) if outside else (tuned,)
 
 
-def _name(role: Role, motions: Sequence[GroundMotion]) -> str:
-    """Return the name of the group with a role. A pulse is no record."""
+def _group(role: Role, motions: Sequence[GroundMotion], events: np.ndarray) -> Group:
+    """Return the group with a role, by which it is named. A pulse is no record."""
     is_record = any(isinstance(motion, Record) for motion in motions)
-    return f"{role.value} {'records' if is_record else 'pulses'}"
+    name = f"{role.value} {'records' if is_record else 'pulses'}"
+    return Group(name, role, tuple(motions), events)
 
 
 def _others(
@@ -555,7 +549,7 @@ def _others(
     # must have the same number.
     numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
     used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
-    groups = [Group(_name(Role.tuned, motions), Role.tuned, tuple(motions), used)]
+    groups = [_group(Role.tuned, motions, used)]
     for (name, listed), events in zip(validation_share.items(), parts, strict=True):
         # An earthquake that the search uses does not test the design, so its motions are left out of the
         # group. A motion without the name of its earthquake is never left out.

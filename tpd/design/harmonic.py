@@ -13,7 +13,6 @@ from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.compare_models import Check, check
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.run_table import Runs
-from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
@@ -22,7 +21,7 @@ from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, Words
-from tpd.design.reasons import Reason, ReasonKind
+from tpd.design.reasons import ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
@@ -194,21 +193,6 @@ class HarmonicProblem(Problem):
         e = orbits.evaluate(np.array([NO_PENDULUM]))
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(orbits, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
-
-    def harm_from_rest(self, exact: Any) -> list[Reason]:
-        """Return a reason if the block overturns from rest under significantly more conditions.
-
-        The significance is that of McNemar's test on the conditions in which only one of the two cases
-        overturns.
-        """
-        overturned, without = exact.status == "overturned", self.without_pendulum.status == "overturned"
-        worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
-        total = len(overturned)
-        # With a single condition no test is possible: every additional overturning counts.
-        if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
-            return []
-        kind = ReasonKind.overturns_more
-        return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
     @property
     def words(self) -> Words:

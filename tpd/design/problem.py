@@ -17,8 +17,9 @@ import numpy as np
 from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import OVERTURNS, PairedRuns
-from tpd.answers.run_table import Runs
+from tpd.answers.run_table import Runs, follow_scaled
 from tpd.answers.statistics import quantile_of
+from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.core.formatting import pair_of
 from tpd.core.progress import Progress, unreported
@@ -156,8 +157,6 @@ class Problem(ABC):
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
     """Whether each validation run under ground motions belongs to a stratum of the intensity, by the ends of
     the stratum; empty if there is one level, and under harmonic excitation."""
-    measure_in_words: ClassVar[str] = ""
-    """Name of the intensity measure of the levels."""
     earthquakes: ClassVar[np.ndarray | None] = None
     """Number of the earthquake of each validation run; None under harmonic excitation."""
     usual_contacts: ClassVar[float] = 0.01
@@ -297,10 +296,6 @@ class Problem(ABC):
         """Exact motions without a pendulum; None if only runs can evaluate a design."""
         return self.exact(None)
 
-    def harm_from_rest(self, exact: Any) -> list[Reason]:
-        """Return a reason if the exact motions from rest show that the pendulum does harm."""
-        return []
-
     objective_in_words: ClassVar[str] = ""
     """Words for the quantity that descents minimise; empty without descents."""
 
@@ -374,15 +369,12 @@ class Problem(ABC):
         levels. A part has a name and whether each run belongs to it; there are none for a single part."""
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
         # Under a harmonic the start decides most, and under ground motions the level.
-        parts = list(runs.with_pendulum.starts.items())
-        if levels := np.array(list(self.levels.values())).tolist():
-            ranges = [i.tolist() for i in np.array_split(np.arange(len(levels)), min(len(levels), most))]
-            parts = [(self.level_range(i[0], i[-1]), np.any([levels[j] for j in i], axis=0)) for i in ranges]
-        return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
+        parts = self.level_ranges(most) or runs.with_pendulum.starts
+        return [(name, rows & counted) for name, rows in parts.items()] if len(parts) > 1 else []
 
-    def level_range(self, first: int, last: int) -> str:
-        """Return words for consecutive levels of ground motions, from their numbers."""
-        raise NotImplementedError
+    def level_ranges(self, most: int) -> dict[str, np.ndarray]:
+        """Return up to `most` ranges of the levels of ground motions, in the form of `levels`."""
+        return {}
 
     def headline(self, status: DesignStatus, reasons: Sequence[str]) -> str:
         """Return the sentence of a status: for which excitations a pendulum is valid, or the first reason
@@ -417,6 +409,14 @@ class Problem(ABC):
     ) -> Runs:
         """Simulate the validation runs of a design under a variation; None for the design means no
         pendulum."""
+
+    def runs_under(
+        self, cases: Sequence[Pendulum | None], motions: Sequence[GroundMotion], factors: Any, **how: Any
+    ) -> Any:
+        """Simulate the stated block from rest by the nonlinear equations; see `follow_scaled`."""
+        block, gravity = self.scene.block, float(self.scene.gravity)
+        how |= {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear}
+        return follow_scaled(block, cases, motions, factors, **how)
 
     @property
     @abstractmethod

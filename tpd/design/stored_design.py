@@ -111,10 +111,16 @@ def read_design(path: str | Path) -> StoredDesign:
             if not (isinstance(value := content[name], dict) or (can_be_null and value is None)):
                 raise ValueError(f"`{name}` must be a table, but is {value!r}")
         checks.one_of("status", content.get("status"), tuple(DesignStatus.__members__))
+        values, names = content["pendulum"], [f.name for f in fields(Pendulum)]
+        if values is not None and values.keys() != set(names):
+            have = ", ".join(values) or "none"
+            raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {have}")
+        with naming("pendulum"):
+            pendulum = None if values is None else Pendulum(**values)
         stored = StoredDesign(
             path=file,
             tables=content["job"],
-            pendulum=_pendulum(content["pendulum"]),
+            pendulum=pendulum,
             status=DesignStatus[content["status"]],
             versions=content["versions"],
             content=content,
@@ -124,13 +130,3 @@ def read_design(path: str | Path) -> StoredDesign:
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None
     return stored
-
-
-def _pendulum(values: dict[str, Any] | None) -> Pendulum | None:
-    if values is None:
-        return None
-    names = [f.name for f in fields(Pendulum)]
-    if values.keys() != set(names):
-        raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {', '.join(values) or 'none'}")
-    with naming("pendulum"):
-        return Pendulum(**values)

@@ -22,6 +22,7 @@ import numpy as np
 from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import REST_LOSS, PairedRuns
 from tpd.answers.run_table import Runs
+from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
@@ -116,7 +117,7 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += problem.harm_from_rest(exact)
+    reasons += [] if exact is None else _harm_from_rest(problem, exact)
     friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
     if friction is not None:
         needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
@@ -168,6 +169,21 @@ def validate(
         reasons=tuple(reasons),
         status=status,
     )
+
+
+def _harm_from_rest(problem: Problem, exact: Any) -> list[Reason]:
+    """Return a reason if the block overturns from rest under significantly more conditions.
+
+    The significance is that of McNemar's test on the conditions in which only one of the two cases overturns.
+    """
+    overturned, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
+    worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
+    total = len(overturned)
+    # With a single condition no test is possible: every additional overturning counts.
+    if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
+        return []
+    kind = ReasonKind.overturns_more
+    return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
 
 def run_seed(problem: Problem, attempt: int, part: int) -> int:

@@ -9,6 +9,7 @@ from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.words import kept, point
+from tpd.scene.scene import Pendulum
 
 
 def section(design: Design, details: Details) -> list[Block]:
@@ -16,14 +17,12 @@ def section(design: Design, details: Details) -> list[Block]:
     build = details.build
     if build is None or design.pendulum is None:
         return []
-    return [_sizes(design, build), *_parts(build), _checks(build)]
+    return [_sizes(design, design.pendulum, build), *_parts(build), _checks(build)]
 
 
-def _sizes(design: Design, build: Build) -> Table:
+def _sizes(design: Design, pendulum: Pendulum, build: Build) -> Table:
     """Return the table of sizes, and of loads with a damper at the hinge."""
-    pendulum, loads = design.pendulum, build.loads
-    # `section` has checked this.
-    assert pendulum is not None
+    loads, moment = build.loads, build.damping * build.loads.rate
     zeta = number(pendulum.damping_ratio)
     mass = point(pendulum)
     body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
@@ -61,8 +60,8 @@ def _sizes(design: Design, build: Build) -> Table:
             f"{number(build.impulse, 3)} N s",
             "vertical, at the largest rate of a block that comes back from the toppling tilt",
         ),
-        ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
-        ("largest power of the damper", f"{number(build.damper_power)} W", None),
+        ("largest moment of the damper", f"{number(moment)} N m", None),
+        ("largest power of the damper", f"{number(moment * loads.rate)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
         ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
         (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),

@@ -293,16 +293,15 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if trials is None:
         return []
     # Under ground motions there is no gradient to follow.
-    if search is None:
-        text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
-        return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
-    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
-    text = (
-        f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. They "
-        f"started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} designs: "
-        f"{ends}. Runs then corrected the limits {len(search.corrected) - 1} times, and "
-        "the descents continued from there (numbers in the picture)."
-    )
+    text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
+    if search is not None:
+        ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
+        text = (
+            f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. "
+            f"They started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} "
+            f"designs: {ends}. Runs then corrected the limits {len(search.corrected) - 1} times, and the "
+            "descents continued from there (numbers in the picture)."
+        )
     return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
 
 
