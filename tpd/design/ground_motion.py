@@ -339,7 +339,7 @@ class GroundMotionProblem(Problem):
         if self._count == 1:
             return {}
         level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self._edges
-        ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
+        ranges = (i.tolist() for i in np.array_split(np.arange(LEVELS), min(LEVELS, most)))
         return {" to ".join(pair_of(edges[i[0]], edges[i[-1] + 1])): np.isin(level, i) for i in ranges}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:

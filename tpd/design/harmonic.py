@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
-from tpd.answers.compare_models import Check, check
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.run_table import Runs
 from tpd.compiled.rows import row_of
@@ -33,7 +32,6 @@ from tpd.limits import (
     Worsening,
     check_objective,
     limit_of,
-    stroke_limit,
     usual_stroke,
 )
 from tpd.models.piecewise import Piecewise
@@ -41,7 +39,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.scene import NO_PENDULUM, Block, Harmonic, Pendulum, Scene
+from tpd.scene.scene import NO_PENDULUM, Block, Harmonic, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
@@ -230,17 +228,6 @@ class HarmonicProblem(Problem):
     def usual_level(self) -> tuple[float, str]:
         """See `Problem.usual_level`."""
         return self.at_rest.peak, "strongest condition"
-
-    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check]:
-        """See `Problem.compared_models`."""
-        return (check(self.scene, pendulum, swing_limit=stroke_limit(self.limits), **how),)
-
-    def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
-        """See `Problem.lifts`."""
-        cases = self.scene.parameters(pendulum), self.scene.parameters()
-        # The margin is 1 - f/f_uplift, which gives the acceleration that lifts the block.
-        with_pendulum, without_pendulum = (float(p.f / (1.0 - uplift(p).margin)) for p in cases)
-        return with_pendulum, without_pendulum
 
     @property
     def at_rest(self) -> AtRest:

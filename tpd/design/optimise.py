@@ -173,7 +173,10 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
     if rule is not None:
-        replaces = rule.status not in OFFERED or (bool(validated) and _is_better(validated[-1], rule))
+        replaces, last = rule.status not in OFFERED, validated[-1] if validated else None
+        # A design of the search that passes must have a significantly larger reduction in the same runs.
+        if last is not None and last.status in VALIDATED and last.runs is not None and rule.runs is not None:
+            replaces |= last.runs.reduction_minus(rule.runs, rule.measure_of_runs).low > 0.0
         validated.insert(0 if replaces else len(validated), rule)
         status = status if replaces and len(validated) > 1 else rule.status
     best = validated[-1].design if validated and not validated[-1].reasons else None
@@ -207,14 +210,6 @@ def _cross_fit(problem: Problem, progress: Progress) -> np.ndarray | None:
         best = other.improver(guess, progress).best([])
         designs.append(best if best is not None else other.space.ends[0] if guess is None else guess)
     return np.array(designs) if designs else None
-
-
-def _is_better(searched: Validation, rule: Validation) -> bool:
-    """Whether a design of the search passes, and its reduction is significantly larger than that of the
-    rule in the same runs."""
-    if searched.status not in VALIDATED or searched.runs is None or rule.runs is None:
-        return False
-    return searched.runs.reduction_minus(rule.runs, rule.measure_of_runs).low > 0.0
 
 
 _SIZES = "mass", "length", "damping_ratio"

@@ -14,7 +14,6 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import OVERTURNS, PairedRuns
 from tpd.answers.run_table import Runs, follow_scaled
@@ -314,23 +313,6 @@ class Problem(ABC):
     @abstractmethod
     def usual_level(self) -> tuple[float, str]:
         """Peak acceleration (g) for which measures without a pendulum are estimated, and words for it."""
-
-    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check, ...]:
-        """Return a comparison of models for each stated motion that settles; none under ground motions.
-
-        Args:
-            pendulum: the pendulum; None for the block alone.
-            how: `models` and `progress` of `tpd.check`.
-        """
-        return ()
-
-    def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
-        """Return the base accelerations over gravity that lift the resting block with a settled pendulum and
-        without one.
-
-        The result is None if no motion settles.
-        """
-        return None
 
     @property
     @abstractmethod
