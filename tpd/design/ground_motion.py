@@ -34,7 +34,6 @@ from tpd.limits import LIMIT_KINDS, Clearance, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
 from tpd.scene.conditions import Conditions, HalfWidth, under_each
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
-from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import NO_PENDULUM, Block, Scene
@@ -255,15 +254,15 @@ class GroundMotionProblem(Problem):
 
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""
-        stated: list[Any] = self.stated_motions
-        if not _are_pulses(stated) or len(stated) == self._count:
+        motions: list[Any] = [m for g in self.groups for m in g.motions]
+        if not _are_pulses(motions) or len(motions) == 1:
             return ""
-        falls = [motion for motion, falls in zip(stated, runs.is_overturned, strict=True) if falls]
+        falls: list[Any] = list(compress(self.stated_motions, runs.is_overturned))
         if not falls:
             return "no pulse of the band overturns the block"
         period, pga = 1.0 / max(m.frequency for m in falls), min(m.pga for m in falls) / STANDARD_GRAVITY
         least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
-        return f"pulses overturn the block from {least} on, in {len(falls)} of {len(stated)} runs"
+        return f"pulses overturn the block from {least} on, in {len(falls)} of {len(runs.nu)} runs"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""
@@ -339,8 +338,9 @@ class GroundMotionProblem(Problem):
         if self._count == 1:
             return {}
         level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self._edges
-        ranges = (i.tolist() for i in np.array_split(np.arange(LEVELS), min(LEVELS, most)))
-        return {" to ".join(pair_of(edges[i[0]], edges[i[-1] + 1])): np.isin(level, i) for i in ranges}
+        ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
+        ends = (pair_of(*edges[[i[0], i[-1] + 1]].tolist()) for i in ranges)
+        return {" to ".join(pair): np.isin(level, i) for pair, i in zip(ends, ranges, strict=True)}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
         """See `Problem.annual_rates`."""
@@ -353,11 +353,6 @@ class GroundMotionProblem(Problem):
         outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
         edges, quakes = self._edges * hazard.factor(measure), self.earthquakes[::n][motions]
         return None if n == 1 else rates_of_outcomes(hazard, edges, outcomes, quakes)
-
-    def yearly(self, rates: AnnualRates | None) -> tuple[str, ...]:
-        """See `Problem.yearly`."""
-        # One level determines no rate, so that a hazard would not help.
-        return super().yearly(rates) or (HOW_TO,) * (self._count > 1)
 
     @property
     def earthquakes(self) -> np.ndarray:  # type: ignore[override]

@@ -23,7 +23,7 @@ from tpd.core.files import path_of
 from tpd.core.formatting import argument_names, number_hint
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
-from tpd.design.space import TWINS, DesignSpace, check_fit, check_moves, check_scatter
+from tpd.design.space import TWINS, DesignSpace, check_moves, check_scatter
 from tpd.design.tables import (
     PAPER,
     READING,
@@ -45,7 +45,7 @@ from tpd.limits import LIMIT_KINDS, OBJECTIVES, Clearance, Limit, Objective, Req
 from tpd.records.intensity import intensity_of
 from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import MEASURES, Conditions
+from tpd.scene.conditions import MEASURES, Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.hazard import Hazard
@@ -725,7 +725,11 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     job.check_motion()
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
-    check_fit(site, job.space, ensemble, naming)
+    with naming("ensemble"):
+        if ensemble.restitution:
+            check_restitution(site, in_runs=True)
+    with naming("space"):
+        _ = job.space.of(job.block)
     _ = job.risk, job.limits, job.requirements, job.hazard, job.level
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.

@@ -27,7 +27,7 @@ from tpd.design.job import Job
 from tpd.design.reasons import AFTER_PUSH, STAYS, VALIDATED, DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
-from tpd.design.space import DesignSpace, check_fit
+from tpd.design.space import DesignSpace
 from tpd.limits import (
     STILL,
     Clearance,
@@ -39,8 +39,9 @@ from tpd.limits import (
     check_limits,
     limit_of,
 )
-from tpd.scene.conditions import Conditions, HalfWidth, Normal
+from tpd.scene.conditions import Conditions, HalfWidth, Normal, check_restitution
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.hazard import HOW_TO
 from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
@@ -205,7 +206,9 @@ class Problem(ABC):
         seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
         checked |= {"seed": seed, "limits": limits}
         check_cavity(scene.block, checked["limits"])
-        space = check_fit(scene, checked["space"], checked["ensemble"])
+        if checked["ensemble"].restitution:
+            check_restitution(scene, in_runs=True)
+        space = checked["space"].of(scene.block)
         return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
     @property
@@ -448,7 +451,8 @@ class Problem(ABC):
     def yearly(self, rates: Any) -> tuple[str, ...]:
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
         a hazard under ground motions of several levels, else empty. Sentences have no full stop."""
-        return () if rates is None else rates.sentences
+        # One level determines no rate, so that a hazard would not help.
+        return (HOW_TO,) * bool(self.levels) if rates is None else rates.sentences
 
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the
