@@ -174,8 +174,8 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
             block is high, or the damping ratio is not allowed.
     """
     mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
-    mass: Any = options.pendulum_mass if mu is None else mu * block.mass
-    length: Any = options.pendulum_length if lam is None else lam * block.centroid
+    mass = options.pendulum_mass if mu is None else mu * block.mass
+    length = options.pendulum_length if lam is None else lam * block.centroid
     # A map replaces a quantity that it varies, so its value here does not matter.
     axes = (getattr(options, name, None) for name in "xy")
     varied = {named(axis[0]) for axis in axes if axis}
@@ -187,9 +187,10 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
     has_damping = damping is not None or {"pendulum_damping", "zeta"} & varied
     if mass is None and length is None and not has_damping:
         return None
-    for name, size in (("mass", mass), ("length", length)):
-        if size is None:
-            raise ValueError(f"the pendulum has no {name}: give --pendulum-{name} or --{name}-ratio as well")
+    if mass is None:
+        raise ValueError("the pendulum has no mass: give --pendulum-mass or --mass-ratio as well")
+    if length is None:
+        raise ValueError("the pendulum has no length: give --pendulum-length or --length-ratio as well")
     longest = (block.height, "the height of the block in m")
     longest = longest if hinge is None else (hinge, "the height of the hinge in m")
     bounds = {
