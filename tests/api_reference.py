@@ -67,7 +67,7 @@ INTERNAL = {
     ),
     "Scene": "quantities",
     "Smoothed": "cycle resolution round_off settle_exactly solve_steady widths",
-    "StoredDesign": "content path versions",
+    "StoredDesign": "content path",
     "Tabular": "columns to_dataframe",
     "Trials": "best_without limits of risk undecided",
     "Validation": "is_harmful measure_of_runs",

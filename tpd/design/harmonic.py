@@ -125,7 +125,6 @@ class HarmonicProblem(Problem):
         if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
             raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
         checks.instance("scene", scene, Scene)
-        checks.optional("conditions", conditions, Conditions)
         hint = ": pass pulses and records as `conditions=tpd.Conditions.records(...)`"
         checks.instance("scene.excitation", scene.excitation, Harmonic, hint)
         checked = HarmonicProblem.checked(scene, space=space, **inputs)

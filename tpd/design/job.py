@@ -193,6 +193,8 @@ class Job(ABC):
         Raises:
             ValueError: the motion is a harmonic.
         """
+        if self.settles:
+            raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
         return self.motions
 
     @property
@@ -249,7 +251,7 @@ class Job(ABC):
         Raises:
             ValueError: there are several records or several scales.
         """
-        return self.under(self.shaking)
+        return self.scene if self.settles else self.under(self.shaking)
 
     @cached_property
     @abstractmethod
@@ -454,16 +456,6 @@ class HarmonicJob(Job):
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
         with naming("excitation"):
             return [Harmonic(**{x: self.full["excitation"][x] for x in required_keys("excitation")})], ()
-
-    @property
-    def ground_motions(self) -> tuple[GroundMotion, ...]:
-        """See `Job.ground_motions`."""
-        raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
-
-    @property
-    def single(self) -> Scene:
-        """See `Job.single`."""
-        return self.scene
 
     @cached_property
     def conditions(self) -> Conditions | None:

@@ -21,8 +21,6 @@ from tpd.scene.scene import Pendulum
 
 VERSION = 15
 """Version of the file. It increases when a key that is read here changes its meaning or is removed."""
-_TABLES = {"job": True, "pendulum": True, "versions": False}
-"""Keys of the file that are tables, and whether they can be null."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -37,8 +35,6 @@ class StoredDesign(Printed):
     """Pendulum of the design, in SI units; None if none is recommended."""
     tables: dict[str, Any] | None
     """Tables of the job file that repeats the search; None for a design of Python objects."""
-    versions: dict[str, str]
-    """Versions of the packages that computed the design, by name."""
     content: dict[str, Any]
     """Whole content of the file."""
 
@@ -105,10 +101,10 @@ def read_design(path: str | Path) -> StoredDesign:
     if version != VERSION:
         raise ValueError(f"{file} must be of version {VERSION}, but is of {version!r}: run the job again")
     try:
-        for name, can_be_null in _TABLES.items():
+        for name in ("job", "pendulum"):
             if name not in content:
                 raise ValueError(f"it has no `{name}`")
-            if not (isinstance(value := content[name], dict) or (can_be_null and value is None)):
+            if not isinstance(value := content[name], dict | None):
                 raise ValueError(f"`{name}` must be a table, but is {value!r}")
         checks.one_of("status", content.get("status"), tuple(DesignStatus.__members__))
         values, names = content["pendulum"], [f.name for f in fields(Pendulum)]
@@ -122,7 +118,6 @@ def read_design(path: str | Path) -> StoredDesign:
             tables=content["job"],
             pendulum=pendulum,
             status=DesignStatus[content["status"]],
-            versions=content["versions"],
             content=content,
         )
         # Build the job now: a damaged file is rejected here, and not later when the job is used.
