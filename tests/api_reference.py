@@ -38,10 +38,10 @@ names that most people need:** [`tpd.Block`](#block), [`tpd.Harmonic`](#harmonic
 MOST_USED = set(re.findall(r"\[`tpd\.(\w+)", HEAD))
 INTERNAL = {
     "Model": "check most_periods settle solve_steady trajectory",
-    "Assessment": "guess measures verdict",
+    "Assessment": "guess measures",
     "Bob": "inertia_share reach rod_share",
     "Conditions": "axis column description factor_rows ranks scattered subset tables units which",
-    "Design": ("at_bounds equivalent exact_motions is_danger remedy rod_angle search sliding swing"),
+    "Design": ("at_bounds equivalent exact_motions remedy rod_angle search sliding swing"),
     "DesignSpace": (
         "bounds bounds_at ends hinge_ratio logarithms names of sample scaled searched slopes unscaled"
     ),
@@ -70,10 +70,10 @@ INTERNAL = {
     ),
     "Scene": "quantities",
     "Smoothed": "cycle resolution round_off settle_exactly solve_steady widths",
-    "StoredDesign": "content path versions",
+    "StoredDesign": "content path",
     "Tabular": "columns to_dataframe",
-    "Trials": "best_without limits risk undecided",
-    "Validation": "decided is_harmful quoted",
+    "Trials": "best_without limits of risk undecided",
+    "Validation": "is_harmful measure_of_runs",
 }
 """Fields and methods by their class that users do not need, or that the page describes once at the top."""
 HIDDEN = {"explore": "page.explore", "relative_length": "relative_length"}

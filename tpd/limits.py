@@ -261,9 +261,9 @@ class Settling(Objective):
         'settling'
     """
 
-    name: ClassVar[str] = "settling"
-    label: ClassVar[str] = "what remains of a disturbance, per period"
-    of_motion: ClassVar[bool] = False
+    name = "settling"
+    label = "what remains of a disturbance, per period"
+    of_motion = False
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the factor."""
@@ -282,8 +282,8 @@ class SteadyTilt(Objective):
         'tilt'
     """
 
-    name: ClassVar[str] = "tilt"
-    label: ClassVar[str] = "steady tilt over ν"
+    name = "tilt"
+    label = "steady tilt over ν"
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over nu."""
@@ -303,10 +303,10 @@ class Stroke(_OneNumber):
 
     angle: checks.Real = 0.5
     """Largest bob angle, rad."""
-    name: ClassVar[str] = "stroke"
-    unit: ClassVar[str] = "rad"
-    most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
-    limited: ClassVar[str] = "swing"
+    name = "stroke"
+    unit = "rad"
+    most = _RIGHT_ANGLE
+    limited = "swing"
 
 
 @dataclass(frozen=True)
@@ -322,11 +322,11 @@ class RelativeStroke(_OneNumber):
 
     angle: checks.Real
     """Largest angle between bob and block, rad."""
-    name: ClassVar[str] = "relative_stroke"
-    label: ClassVar[str] = "relative stroke"
-    unit: ClassVar[str] = "rad"
-    most: ClassVar[tuple[float, str]] = _RIGHT_ANGLE
-    limited: ClassVar[str] = "rod_angle"
+    name = "relative_stroke"
+    label = "relative stroke"
+    unit = "rad"
+    most = _RIGHT_ANGLE
+    limited = "rod_angle"
 
 
 @dataclass(frozen=True)
@@ -341,10 +341,10 @@ class Tilt(_OneNumber):
 
     share: checks.Real
     """Largest tilt over nu."""
-    name: ClassVar[str] = "tilt"
-    unit: ClassVar[str] = "of nu"
-    most: ClassVar[tuple[float, str]] = 1.0, "a block that stands on its corner"
-    limited: ClassVar[str] = "tilt"
+    name = "tilt"
+    unit = "of nu"
+    most = 1.0, "a block that stands on its corner"
+    limited = "tilt"
 
 
 @dataclass(frozen=True)
@@ -359,9 +359,9 @@ class Mass(_OneNumber):
 
     kg: checks.Real
     """Largest mass, kg."""
-    name: ClassVar[str] = "mass"
-    label: ClassVar[str] = "mass (bob as built)"
-    unit: ClassVar[str] = "kg"
+    name = "mass"
+    label = "mass (bob as built)"
+    unit = "kg"
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the mass of the body over the limit, with the nominal mass under all conditions."""
@@ -381,9 +381,9 @@ class Offset(_OneNumber):
 
     distance: checks.Real
     """Largest distance, m."""
-    name: ClassVar[str] = "offset"
-    label: ClassVar[str] = "offset (bob from the axis)"
-    unit: ClassVar[str] = "m"
+    name = "offset"
+    label = "offset (bob from the axis)"
+    unit = "m"
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the distance l sin(angle) from the axis over the limit."""
@@ -408,8 +408,8 @@ class Clearance(Limit):
 
     bob: Bob = field(default_factory=Bob)
     """Shape, density and proportions of the bob."""
-    name: ClassVar[str] = "clearance"
-    label: ClassVar[str] = "clearance (bob to the wall)"
+    name = "clearance"
+    label = "clearance (bob to the wall)"
 
     def __post_init__(self) -> None:
         checks.instance("bob", self.bob, Bob)
@@ -449,10 +449,10 @@ class Worsening(_OneNumber):
 
     share: checks.Real = 0.05
     """Largest relative increase of the tilt."""
-    name: ClassVar[str] = "worsening"
-    label: ClassVar[str] = "worsening (compared with no pendulum)"
-    unit: ClassVar[str] = "of the tilt without pendulum"
-    of_motion: ClassVar[bool] = False
+    name = "worsening"
+    label = "worsening (compared with no pendulum)"
+    unit = "of the tilt without pendulum"
+    of_motion = False
     check = staticmethod(checks.not_negative)
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
@@ -482,10 +482,10 @@ class Multiplier(_OneNumber):
 
     largest: checks.Real
     """Largest modulus."""
-    name: ClassVar[str] = "multiplier"
-    of_motion: ClassVar[bool] = False
+    name = "multiplier"
+    of_motion = False
     check = staticmethod(partial(checks.within, low=1e-6, high=1.0))
-    limited: ClassVar[str] = "multiplier"
+    limited = "multiplier"
 
 
 @dataclass(frozen=True)
@@ -501,8 +501,8 @@ class Reserve(_OneNumber):
 
     least: checks.Real = 0.05
     """Smallest margin."""
-    name: ClassVar[str] = "reserve"
-    of_motion: ClassVar[bool] = False
+    name = "reserve"
+    of_motion = False
 
     def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return a size that is at most 1 if the reserve is at least `least`."""

@@ -35,8 +35,8 @@ def test_a_statue_below_uplift_is_assessed_without_runs():
 def test_a_block_that_slides_before_uplift_is_not_simulated():
     found = tpd.assess(designs.with_block(SCENE, base_friction=0.1))
     assert found.runs is None
-    assert found.verdict.startswith("NOT APPLICABLE: the block slides on its base before it lifts")
-    assert "It slides at 0.1 g, and lifts at 0.3 g." in found.verdict
+    assert found.sentences[0].startswith("NOT APPLICABLE: the block slides on its base before it lifts")
+    assert "It slides at 0.1 g, and lifts at 0.3 g." in found.sentences[0]
 
 
 def test_assess_simulates_the_validation_runs_without_a_pendulum():
@@ -51,7 +51,7 @@ def test_assess_simulates_the_validation_runs_without_a_pendulum():
         f"OVERTURNS in {100.0 * pair.share_overturned.value:.1f} % of 32 runs" in str(found).splitlines()[3]
     )
     weak = tpd.assess(SCENE, ensemble=FEW, conditions=tpd.Conditions.amplitudes(0.81), seed=3)
-    assert "ROCKS, AND DOES NOT OVERTURN in any of 32 runs" in weak.verdict
+    assert "ROCKS, AND DOES NOT OVERTURN in any of 32 runs" in " ".join(weak.sentences)
 
 
 def test_assess_and_optimise_report_equal_runs_without_pendulum():

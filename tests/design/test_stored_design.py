@@ -84,7 +84,7 @@ def test_a_stored_design_is_read_back_unchanged(design, damaged, tmp_path):
     assert found.job.space == tpd.DesignSpace(mass_ratio=(0.01, 0.1 + 0.2), damping_ratio=(0.05, 0.4))
     np.testing.assert_array_equal(found.job.conditions.factors["amplitude"], [0.1 + 0.2])
     assert found.content["benefit"]["mean"] == design.benefit.mean
-    assert found.versions["tpd"] == tpd.__version__
+    assert found.content["versions"]["tpd"] == tpd.__version__
     assert found.path == tmp_path / "design.json"
     assert tpd.read_design(str(found.path)).job.scene == design.scene
     assert str(found).splitlines()[0] == "Stored design: recommended"

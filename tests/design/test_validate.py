@@ -8,7 +8,6 @@ import pytest
 import tpd
 from tests.designs import SCENE, SMALL, SPACE, NoisyProblem, outcomes, paired, with_block
 from tpd.answers.paired import PairedRuns
-from tpd.design.harmonic import HarmonicProblem
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
 from tpd.limits import Requirements
@@ -224,8 +223,6 @@ def test_more_overturning_from_rest_in_the_linear_model_rejects_a_design():
             lost, total = (0, self.count) if design is None else (self.seed, self.count)
             status = np.where(np.arange(total) < lost, "overturned", "rocking")
             return type("Motions", (), {"status": status})
-
-        harm_from_rest = HarmonicProblem.harm_from_rest
 
     for lost, total, harm in ((8, 8, True), (2, 8, False), (1, 1, True)):
         given = NoisyProblem.of(limits=()).inputs

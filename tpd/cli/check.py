@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.compare_models import MEANING
+from tpd.answers.compare_models import MEANING, check
 from tpd.answers.motion_history import sliding
 from tpd.cli import common, outputs
 from tpd.cli.terminal import SOUND, UNSOUND, print_answer
@@ -21,9 +21,9 @@ from tpd.design.problem import Problem
 from tpd.design.reasons import reduction
 from tpd.design.space import DesignSpace
 from tpd.design.stored_design import read_design
-from tpd.design.validate import Crossed, Validation, validate
+from tpd.design.validate import Validation, validate
 from tpd.engines import mujoco
-from tpd.limits import Mass
+from tpd.limits import Mass, stroke_limit
 from tpd.report import summary, words
 from tpd.report.blocks import Code, Section, wrapped
 from tpd.report.files import add_to
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     if options.design is None:
         problem = problem.of_all
     elif designs := read_design(options.design).crossed:
-        crossed = Crossed.of(problem, np.array(designs)) if len(problem.crossed) == len(designs) else None
+        crossed = np.array(designs) if len(problem.crossed) == len(designs) else None
     common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
     with Bar() as bar:
         lines, is_sound = _check_by_models(problem, pendulum, crossed, bar)
@@ -84,7 +84,7 @@ def _problem_of(job: Job, seed: int | None) -> Problem:
 
 
 def _check_by_models(
-    problem: Problem, pendulum: Pendulum | None, crossed: Crossed | None, bar: Bar
+    problem: Problem, pendulum: Pendulum | None, crossed: np.ndarray | None, bar: Bar
 ) -> tuple[list[str], bool]:
     """Solve the motion by several models and validate the pendulum as `tpd optimise` does.
 
@@ -92,7 +92,10 @@ def _check_by_models(
         Lines for the terminal, and whether the exit status is `SOUND`.
     """
     table: list[str] = []
-    for checked in problem.compared_models(pendulum, progress=bar):
+    # Only motions under a harmonic settle.
+    if not problem.has_earthquakes:
+        limit = stroke_limit(problem.limits)
+        checked = check(problem.scene, pendulum, swing_limit=limit, progress=bar)
         table = [*checked.lines, *wrapped(MEANING), ""]
         if any(model.status == "overturned" for model in checked.models):
             table += [*wrapped(_OVERTURNED), ""]

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from tpd.cli.options import set_keys, tables_of
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
 from tpd.design.stored_design import read_design
@@ -82,19 +81,19 @@ _SIZE_KEYS = {"records", "scales", "pga", "intensity"}
 
 def _complete_motion(options: argparse.Namespace) -> None:
     """Add keys of the motion that every job requires although the command does not use them."""
-    motion = tables_of(options).get("excitation", {})
-    if options.command == "spectrum" and "pulse" in motion:
+    motion = options.tables.get("excitation", {})
+    if options.command == "spectrum" and motion.get("pulse"):
         if unused := {"pulse_frequency", "pga"} & set(motion):
             flag = f"--{min(unused).replace('_', '-')}"
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
         # Any frequency and size will do: the spectrum replaces them.
-        set_keys(options, "excitation", {"pulse_frequency": 1.0, "pga": 1.0})
+        options.tables["excitation"].update({"pulse_frequency": 1.0, "pga": 1.0})
     elif options.command == "assess" and motion.keys() & _SIZE_KEYS == {"records"}:
         # Without a scale the block is assessed under the records as they are. A design needs scales.
-        set_keys(options, "excitation", {"scales": [1.0], "intensity": "scale"})
+        options.tables["excitation"].update({"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
         # The model for MuJoCo contains no motion, so any motion will do.
-        set_keys(options, "excitation", {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
+        options.tables["excitation"].update({"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
 
 
 def read_case(options: argparse.Namespace) -> Case:
@@ -103,7 +102,7 @@ def read_case(options: argparse.Namespace) -> Case:
     Raises:
         ValueError: see `check_inputs`.
     """
-    tables, name = tables_of(options), getattr(options, "design", None)
+    tables, name = options.tables, getattr(options, "design", None)
     if name is None:
         # JOB and --scene may name the same file.
         paths = {x.resolve(): x for x in (getattr(options, "job", None), options.scene) if x is not None}
@@ -203,9 +202,8 @@ def read_pendulum(options: argparse.Namespace, block: Block, hinge: Any = None) 
     for flag, (value, largest, meaning) in bounds.items():
         if value is not None:
             checks.at_most(flag, value, largest, meaning)
-    if damping is not None:
-        check_damping("--pendulum-damping", damping)
     damping = 0.1 if damping is None else damping
+    check_damping("--pendulum-damping", damping)
     return Pendulum(mass=mass, length=length, damping_ratio=damping, hinge_height=hinge)
 
 

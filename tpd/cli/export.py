@@ -13,7 +13,7 @@ from tpd.cli.grammar import EXPORTED
 from tpd.cli.terminal import SOUND
 from tpd.core import files
 from tpd.engines.rigid_body import mjcf, opensees
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.scene import Pendulum, Scene
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     if options.kind == "csv":
         # JAX is set up here and not before, so that the export of a model does not wait for it.
         common.set_up_jax(job)
-        columns, overturns = _columns(scene, pendulum)
+        columns, overturns = _columns(scene, pendulum, job.settles)
         content = files.as_table(columns)
         # A column that ends with NaN belongs to a motion that was not followed to its end.
         for name in (name for name in overturns if columns[name][-1] != columns[name][-1]):
@@ -47,8 +47,12 @@ def run(options: argparse.Namespace) -> int:
     return SOUND
 
 
-def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], dict[str, bool]]:
+def _columns(
+    scene: Scene, pendulum: Pendulum | None, settles: bool
+) -> tuple[dict[str, Any], dict[str, bool]]:
     """Compute the motion from rest by the exact solution, without and with the pendulum.
+
+    The motion settles under a harmonic.
 
     Returns:
         Columns of the table by name, NaN after the block has overturned, and whether it overturns, by the
@@ -58,7 +62,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], d
     from tpd.answers.run_table import cases_of
     from tpd.design.as_built import time_histories
 
-    if isinstance(scene.excitation, Harmonic):
+    if settles:
         histories = time_histories(scene, pendulum)
         # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.
         times, rate = histories[0].times, float(scene.excitation.rate)

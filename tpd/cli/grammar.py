@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import tomllib
+from collections import defaultdict
 from collections.abc import Iterable
 from importlib import resources
 from typing import Any
@@ -88,7 +89,8 @@ def parser(about: str, version: str) -> Parser:
         end = text.get("exit_status", _DONE)
         short = {key: text[key] for key in ("summary", "common", "example", "description")}
         command = commands.add_parser(name, help=text["summary"], epilog=end, **short)
-        command.set_defaults(activity=text.get("activity", ""))
+        # The options set keys of the job file in these tables.
+        command.set_defaults(activity=text.get("activity", ""), tables=defaultdict(dict))
         add_options(command)
     return top
 

@@ -155,7 +155,10 @@ class Option:
         """Add the option to a parser or a group of its options."""
         # The default is read from the schema. The help text therefore always agrees with the code.
         default = self.schema.get("default") if self.placeholders else None
-        text = _clause(self.schema["description"])
+        # The first sentence of the description, without its full stop and, unless it begins with an
+        # abbreviation such as PGA, without its capital letter.
+        text = re.split(r"(?<=[a-z0-9)])\. ", self.schema["description"])[0].removesuffix(".")
+        text = text if text[1:2].isupper() else text[:1].lower() + text[1:]
         if default is not None:
             values = default if isinstance(default, list) else [default]
             text += f" (default {' '.join(v if isinstance(v, str) else f'{v:g}' for v in values)})"
@@ -208,7 +211,7 @@ class _Set(argparse.Action):
         self.option = option
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        set_keys(namespace, self.option.table, self.option.values_of(values))
+        namespace.tables[self.option.table].update(self.option.values_of(values))
 
 
 class SetWidths(argparse.Action):
@@ -220,19 +223,7 @@ class SetWidths(argparse.Action):
         for (name, _, width), text in zip(pairs, values, strict=True):
             if not name or not width:
                 parser.error(f"`{option_string}` must be NAME=WIDTH, such as friction=0.2, but is {text!r}")
-        set_keys(namespace, "scatter", {name: number_or_text(width) for name, _, width in pairs})
-
-
-def set_keys(namespace: argparse.Namespace, table: str, values: dict[str, Any]) -> None:
-    """Store keys of a table, with their values, in `tables` of a namespace."""
-    if getattr(namespace, "tables", None) is None:
-        namespace.tables = {}
-    namespace.tables.setdefault(table, {}).update(values)
-
-
-def tables_of(namespace: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """Return the tables of the job file, with the keys that the options set."""
-    return getattr(namespace, "tables", None) or {}
+        namespace.tables["scatter"].update({name: number_or_text(width) for name, _, width in pairs})
 
 
 def number_or_text(text: str) -> int | float | str:
@@ -243,10 +234,3 @@ def number_or_text(text: str) -> int | float | str:
         except ValueError:
             continue
     return text
-
-
-def _clause(text: str) -> str:
-    """Return the first sentence of a description without its capital letter and full stop."""
-    first = re.split(r"(?<=[a-z0-9)])\. ", text)[0].removesuffix(".")
-    # A first word of capitals, such as PGA, is an abbreviation.
-    return first if first[1:2].isupper() else first[:1].lower() + first[1:]

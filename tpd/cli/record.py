@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from tpd.cli import outputs
-from tpd.cli.options import set_keys, tables_of
 from tpd.cli.terminal import SOUND
 from tpd.core import files
 from tpd.core.files import path_of
@@ -39,8 +38,8 @@ def run(options: argparse.Namespace) -> int:
     """Read the records, print a table, or several lines for a single record, draw the records if `--out` is
     given, and return the exit status."""
     # A job reads the records, so they are read as in all other commands.
-    set_keys(options, "excitation", {"records": options.records})
-    job, rows, out = job_of(tables_of(options)), [], options.out
+    options.tables["excitation"].update({"records": options.records})
+    job, rows, out = job_of(options.tables), [], options.out
     for record in job.motions:
         # Velocity and displacement are exact integrals of the record. They show a wrong baseline first.
         v, d = peak_velocity(record), float(np.max(np.abs(base_motion(record)[3])))

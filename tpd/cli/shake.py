@@ -33,6 +33,8 @@ _QUANTITIES = {
     "overturning_time": "time of overturning, s",
 }
 """Attributes of a motion that are printed, with their labels in the table."""
+_TIMES = "tilt_time", "swing_time", "rod_angle_time", "uplift_time", "overturning_time"
+_OF_A_PENDULUM = ("swing", "swing_time", "rod_angle", "rod_angle_time")
 
 
 def run(options: argparse.Namespace, case: common.Case) -> int:
@@ -96,8 +98,8 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
     for key, label in _QUANTITIES.items():
         values = [float(getattr(x, key)) for x in pair]
         # The time of an event that does not occur is infinite by both equations; its line is left out.
-        is_absent = key.endswith("_time") and not any(map(math.isfinite, values))
-        if is_absent or (key.startswith(("swing", "rod_angle")) and history.swing is None):
+        is_absent = key in _TIMES and not any(map(math.isfinite, values))
+        if is_absent or (key in _OF_A_PENDULUM and history.swing is None):
             continue
         cells = (number(x) if math.isfinite(x) else "-" for x in values)
         yield f"  {label:40}" + "".join(f"{cell:>20}" for cell in cells)

@@ -30,6 +30,7 @@ from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import STANDING, Status, is_one_of
 from tpd.theory.free_rocking import turning_tilts
+from tpd.theory.no_uplift import uplift
 
 _BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, as factors on the frequency of the scene."""
@@ -186,16 +187,6 @@ class Build:
     parts: Parts | None = None
     """Sizes of the parts; None if no body swings like the point of the equations."""
 
-    @property
-    def damper_moment(self) -> float:
-        """Largest moment of the damper, N m."""
-        return self.damping * self.loads.rate
-
-    @property
-    def damper_power(self) -> float:
-        """Largest power of the damper, W."""
-        return self.damper_moment * self.loads.rate
-
 
 @dataclass(frozen=True, kw_only=True)
 class TimeHistory:
@@ -326,6 +317,12 @@ def build_of(design: Design) -> Build | None:
     # At an impact the hinge moves down with the old lower edge, and then up with the new one.
     jump = 0.5 * float((1.0 + block.velocity_ratio) * block.base_width * scene.rate * block.slenderness)
     kappa = float(pendulum.hinge_in(block) / block.centroid)
+    lifts = None
+    if not problem.has_earthquakes:
+        # The margin is 1 - f/f_uplift, which gives the acceleration that lifts the block.
+        cases = scene.parameters(pendulum), scene.parameters()
+        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in cases)
+        lifts = with_it, without
     build = Build(
         bob=bob,
         mass=body,
@@ -345,7 +342,7 @@ def build_of(design: Design) -> Build | None:
         breakaway=_BREAKAWAY * mass * g * length,
         impulse=body * (1.0 + rod_share) * jump,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
-        uplift_harmonic=problem.lifts(pendulum),
+        uplift_harmonic=lifts,
         uplift_slow_fast=(capacity / (1.0 + kappa * mu), capacity),
         pull=pull_test(scene),
     )
@@ -360,7 +357,7 @@ def parts_of(build: Build, inertia: float) -> Parts:
         inertia: moment of inertia of the point pendulum about its hinge, kg m^2.
     """
     loads, stress, arm = build.loads, YIELD / SAFETY, ARM * build.rod
-    moment, half = build.damper_moment, build.wall / _PLACE
+    moment, half = build.damping * loads.rate, build.wall / _PLACE
     # A damper that is too long for the cavity gets a shorter arm.
     if arm * build.angle > half:
         arm = half / build.angle
@@ -392,16 +389,16 @@ def parts_of(build: Build, inertia: float) -> Parts:
 
 
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
-    """Return the largest loads over the motions in which the block stands; None if it stands in no motion."""
+    """Return the largest loads over the motions in which the block stands, without the friction at the base;
+    None if it stands in no motion."""
     histories = [motion_history(scene, pendulum) for scene in scenes]
     # A block that overturns takes its pendulum with it, so its loads do not matter.
     stands = [h for h in histories if is_one_of(h.status, *STANDING)]
     if not stands:
         return None
     # The largest loads of all motions. They need not occur in the same motion.
-    each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
-    tension, hinge, rate, friction = map(float, each.max(axis=0))
-    return Loads(tension, hinge, rate, friction, len(stands))
+    tension, hinge, rate = map(float, np.max([h.loads(pendulum) for h in stands], axis=0))
+    return Loads(tension, hinge, rate, math.nan, len(stands))
 
 
 def free_swing(pendulum: Pendulum, angle: float, gravity: float) -> Loads:

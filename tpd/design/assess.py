@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.motion_history import sliding
-from tpd.answers.run_table import Runs, follow_scaled
+from tpd.answers.run_table import Runs
 from tpd.answers.statistics import Share
-from tpd.answers.transient import FREE
 from tpd.core.formatting import Printed, ends, number, percent
 from tpd.core.progress import Progress, bar_for, unreported
 from tpd.design.alternatives import Alternatives, alternatives
@@ -20,9 +19,8 @@ from tpd.design.first_guess import first_guess
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.validate import run_seed
-from tpd.scene.conditions import Conditions
+from tpd.scene.conditions import MEASURE_NAMES, Conditions
 from tpd.scene.scene import Block, Scene
-from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 
@@ -71,7 +69,7 @@ class Assessment(Printed):
         # Pulses have few runs at each level.
         if problem.levels and not first:
             head = "share of the runs that overturn, stated block (block that varies)"
-            lines.append(f"{problem.measure_in_words}: {head}")
+            lines.append(f"{MEASURE_NAMES[problem.conditions.intensity]}: {head}")
             for name, rows in problem.levels.items():
                 shares = (percent(x.of(rows).share_overturned.value, 1) for x in (self.stated, self.runs))
                 lines.append("  {}: {} ({})".format(name, *shares))
@@ -85,11 +83,6 @@ class Assessment(Printed):
         # If the base slides, the runs do not describe the block.
         lines.insert(0 if friction.slides else len(lines), friction.sentence)
         return lines
-
-    @property
-    def verdict(self) -> str:
-        """Lines with `sentences`."""
-        return "\n".join(self.sentences)
 
     @property
     def measures(self) -> str:
@@ -113,7 +106,7 @@ class Assessment(Printed):
         )
 
     def __str__(self) -> str:
-        return "\n".join(filter(None, (str(self.at_rest), self.verdict, self.measures, self.guess)))
+        return "\n".join(filter(None, (str(self.at_rest), *self.sentences, self.measures, self.guess)))
 
 
 def _outcome(runs: Runs, is_sample: bool) -> str:
@@ -188,15 +181,7 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
     # These seeds are those of the first validation runs that `optimise` and `check` quote.
     seed = run_seed(problem, 0, int(not problem.has_earthquakes))
     motions = problem.stated_motions
-    stated = follow_scaled(
-        problem.scene.block,
-        [None],
-        motions,
-        np.ones((len(motions), 1)),
-        gravity=float(problem.scene.gravity),
-        free=FREE,
-        equations=Terms.nonlinear,
-        progress=partial(progress, "stated block"),
-    ).reshape(len(motions))
+    how = {"factors": np.ones((len(motions), 1)), "progress": partial(progress, "stated block")}
+    stated = problem.runs_under([None], motions, **how).reshape(len(motions))
     runs = problem.validation_runs(None, seed, progress=partial(progress, "runs without a pendulum"))
     return Assessment(problem=problem, stated=replace(stated, cluster=problem.earthquakes), runs=runs)

@@ -134,14 +134,11 @@ class Design(Printed):
     def verdict(self) -> str:
         """Sentences of the verdict, which print, terminal, report, page and design.json show. The exit status
         of the command follows from the same status."""
-        status, runs, best = self.status, self.runs, self.best
         # A block that does not rock needs its margin and not the number of rejected designs.
-        if status in (DesignStatus.no_uplift, DesignStatus.slides):
+        if self.status in (DesignStatus.no_uplift, DesignStatus.slides):
             return self.problem.needless
-        text = self.problem.headline(status, self.refusals)
-        if runs is None or best is None or status in REJECTED:
-            return text
-        return text if status in VALIDATED else f"{text} {self.result}"
+        text = self.problem.headline(self.status, self.refusals)
+        return text if self.status in (*REJECTED, *VALIDATED) else f"{text} {self.result}".rstrip()
 
     @property
     def result(self) -> str:

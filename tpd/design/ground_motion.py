@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, compress
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -32,9 +32,8 @@ from tpd.design.settings import SCATTERED, GroundSearch
 from tpd.design.space import DesignSpace
 from tpd.limits import LIMIT_KINDS, Clearance, Stroke, usual_stroke
 from tpd.records.intensity import SPECTRAL_DAMPING, intensity_of, measure_of, spectral_acceleration
-from tpd.scene.conditions import MEASURE_NAMES, Conditions, HalfWidth, under_each
+from tpd.scene.conditions import Conditions, HalfWidth, under_each
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES, STANDARD_GRAVITY, GroundMotion, Pulse, earthquakes_of
-from tpd.scene.hazard import HOW_TO
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import NO_PENDULUM, Block, Scene
@@ -98,22 +97,22 @@ class GroundMotionProblem(Problem):
     # The same earthquakes validate all designs. A second design of the search is validated only if the
     # benefit of the first is sufficient and limits are the only reason against it. Otherwise several designs
     # could be validated until the benefit of one of them is large by chance.
-    attempts: ClassVar[int] = 2
+    attempts = 2
     retries = frozenset(
         {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit, ReasonKind.slides}
     )
     # The design reaches its limits under the motions of the search. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
-    spare: ClassVar[float] = 0.05
-    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+    spare = 0.05
+    defaults = Problem.defaults | {
         "risk": Risk.expected(),
         "limits": (Stroke(), Clearance()),
         "method": GroundSearch(),
         "ensemble": Ensemble(),
         "validation_share": None,
     }
-    has_earthquakes: ClassVar[bool] = True
-    usual_contacts: ClassVar[float] = 0.1
+    has_earthquakes = True
+    usual_contacts = 0.1
 
     @staticmethod
     def of(
@@ -256,16 +255,14 @@ class GroundMotionProblem(Problem):
     def first_overturning(self, runs: Runs) -> str:
         """See `Problem.first_overturning`."""
         motions: list[Any] = [m for g in self.groups for m in g.motions]
-        if not all(isinstance(m, Pulse) for m in motions) or len(motions) == 1:
+        if not _are_pulses(motions) or len(motions) == 1:
             return ""
-        if not runs.is_overturned.any():
+        falls: list[Any] = list(compress(self.stated_motions, runs.is_overturned))
+        if not falls:
             return "no pulse of the band overturns the block"
-        rows = np.flatnonzero(runs.is_overturned)
-        period = 1.0 / max(float(motions[int(runs.condition[i])].frequency) for i in rows)
-        stated = self.stated_motions
-        pga = min(float(stated[i].pga) for i in rows) / STANDARD_GRAVITY
+        period, pga = 1.0 / max(m.frequency for m in falls), min(m.pga for m in falls) / STANDARD_GRAVITY
         least = f"a period of {number(period, 3)} s and from a PGA of {number(pga, 3)} g"
-        return f"pulses overturn the block from {least} on, in {len(rows)} of {len(runs.nu)} runs"
+        return f"pulses overturn the block from {least} on, in {len(falls)} of {len(runs.nu)} runs"
 
     def improver(self, guess: np.ndarray | None, progress: Progress) -> Refinement:
         """See `Problem.improver`: the first trials are spread over the design space."""
@@ -278,7 +275,7 @@ class GroundMotionProblem(Problem):
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
         least = _TRIAL_RUNS if equations == Terms.linear.value else _MORE_RUNS
-        least *= _PULSES if all(isinstance(m, Pulse) for m in self.conditions.motions) else 1
+        least *= _PULSES if _are_pulses(self.conditions.motions) else 1
         repeats = max(1, round(least / len(self.conditions))) if self.scatter else 1
         some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
         return self._simulate(design, some, Variation(equations=equations))
@@ -334,19 +331,16 @@ class GroundMotionProblem(Problem):
     @property
     def levels(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """See `Problem.levels`."""
+        return self.level_ranges(LEVELS)
+
+    def level_ranges(self, most: int) -> dict[str, np.ndarray]:
+        """See `Problem.level_ranges`."""
         if self._count == 1:
             return {}
-        level = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS)
-        return {self.level_range(i, i): level == i for i in range(LEVELS)}
-
-    def level_range(self, first: int, last: int) -> str:
-        """See `Problem.level_range`."""
-        return " to ".join(pair_of(self.edges[first], self.edges[last + 1], 3))
-
-    @property
-    def measure_in_words(self) -> str:  # type: ignore[override]
-        """See `Problem.measure_in_words`."""
-        return MEASURE_NAMES[self.conditions.intensity]
+        level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self.edges
+        ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
+        ends = (pair_of(*edges[[i[0], i[-1] + 1]].tolist(), 3) for i in ranges)
+        return {" to ".join(pair): np.isin(level, i) for pair, i in zip(ends, ranges, strict=True)}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
         """See `Problem.annual_rates`."""
@@ -359,11 +353,6 @@ class GroundMotionProblem(Problem):
         outcomes = np.reshape(hits, (len(cases), -1, n))[:, motions]
         edges, quakes = self.edges * hazard.factor(measure), self.earthquakes[::n][motions]
         return None if n == 1 else rates_of_outcomes(hazard, edges, outcomes, quakes)
-
-    def yearly(self, rates: AnnualRates | None) -> tuple[str, ...]:
-        """See `Problem.yearly`."""
-        # One level determines no rate, so that a hazard would not help.
-        return super().yearly(rates) or (HOW_TO,) * (self._count > 1)
 
     @property
     def earthquakes(self) -> np.ndarray:  # type: ignore[override]
@@ -445,6 +434,10 @@ class GroundMotionProblem(Problem):
         return ground_row_of(unchecked(q, f=q.f * f[which]), size=factor, piece=pieces)
 
 
+def _are_pulses(motions: Sequence[Any]) -> bool:
+    return all(isinstance(motion, Pulse) for motion in motions)
+
+
 def _with_motions(conditions: Conditions, motions: Sequence[GroundMotion]) -> Conditions:
     """Return the conditions with some of their motions."""
     # Compare by identity, because two equal records may belong to the search and to the validation.
@@ -513,7 +506,7 @@ def grouped(
         return _others(motions, validation_share)
     numbers = earthquakes_of(motions)
     if validation_share is None:
-        return (Group(_name(Role.both, motions), Role.both, tuple(motions), numbers),)
+        return (_group(Role.both, motions, numbers),)
     share = checks.within("validation_share", validation_share, 0.0, 0.9)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(numbers))
     # Move whole earthquakes to the validation, one after the other, until the share is reached. At least one
@@ -530,15 +523,15 @@ def grouped(
             "give more records, state their earthquakes by `records.events` (--event FILE=NAME), or give 0 "
             "to use all of them in the search"
         )
-    tuned = Group(_name(Role.tuned, inside), Role.tuned, inside, numbers[~is_outside])
-    validation = Group(_name(Role.validation, outside), Role.validation, outside, numbers[is_outside])
-    return (tuned, validation) if outside else (tuned,)
+    tuned = _group(Role.tuned, inside, numbers[~is_outside])
+    return (tuned, _group(Role.validation, outside, numbers[is_outside])) if outside else (tuned,)
 
 
-def _name(role: Role, motions: Sequence[GroundMotion]) -> str:
-    """Return the name of the group with a role. A pulse is no record."""
+def _group(role: Role, motions: Sequence[GroundMotion], events: np.ndarray) -> Group:
+    """Return the group with a role, by which it is named. A pulse is no record."""
     is_record = any(isinstance(motion, Record) for motion in motions)
-    return f"{role.value} {'records' if is_record else 'pulses'}"
+    name = f"{role.value} {'records' if is_record else 'pulses'}"
+    return Group(name, role, tuple(motions), events)
 
 
 def _others(
@@ -551,7 +544,7 @@ def _others(
     # must have the same number.
     numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
     used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
-    groups = [Group(_name(Role.tuned, motions), Role.tuned, tuple(motions), used)]
+    groups = [_group(Role.tuned, motions, used)]
     for (name, listed), events in zip(validation_share.items(), parts, strict=True):
         # An earthquake that the search uses does not test the design, so its motions are left out of the
         # group. A motion without the name of its earthquake is never left out.

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
-from tpd.answers.compare_models import Check, check
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.run_table import Runs
-from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
@@ -22,7 +20,7 @@ from tpd.core.progress import Progress
 from tpd.design.corrections import Corrections
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, Words
-from tpd.design.reasons import Reason, ReasonKind
+from tpd.design.reasons import ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.settings import VALIDATION_RUNS, Descent, GroundSearch
 from tpd.design.sizes import Evaluation, evaluate_sizes
@@ -34,7 +32,6 @@ from tpd.limits import (
     Worsening,
     check_objective,
     limit_of,
-    stroke_limit,
     usual_stroke,
 )
 from tpd.models.piecewise import Piecewise
@@ -42,7 +39,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.scene import NO_PENDULUM, Block, Harmonic, Pendulum, Scene
+from tpd.scene.scene import NO_PENDULUM, Block, Harmonic, Scene
 from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, lightest_pendulum, uplift
@@ -97,7 +94,7 @@ class HarmonicProblem(Problem):
     """Initial states of the search."""
     objective: Objective
     """Quantity that the descents minimise. Trials and validation reduce what `requirements.reduce` states."""
-    defaults: ClassVar[dict[str, Any]] = Problem.defaults | {
+    defaults = Problem.defaults | {
         "risk": Risk.cvar(),
         "limits": DEFAULT_LIMITS,
         "method": Descent(),
@@ -106,8 +103,8 @@ class HarmonicProblem(Problem):
         "objective": Settling(),
     }
     pictures = *Problem.pictures, "motion"
-    has_earthquakes: ClassVar[bool] = False
-    attempts: ClassVar[int] = 3
+    has_earthquakes = False
+    attempts = 3
     # Other reasons than limits are those of the best design, so that no other one is better.
     retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.exceeds_limit})
 
@@ -128,7 +125,6 @@ class HarmonicProblem(Problem):
         if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
             raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
         checks.instance("scene", scene, Scene)
-        checks.optional("conditions", conditions, Conditions)
         hint = ": pass pulses and records as `conditions=tpd.Conditions.records(...)`"
         checks.instance("scene.excitation", scene.excitation, Harmonic, hint)
         checked = HarmonicProblem.checked(scene, space=space, **inputs)
@@ -195,21 +191,6 @@ class HarmonicProblem(Problem):
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(orbits, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
-    def harm_from_rest(self, exact: Any) -> list[Reason]:
-        """Return a reason if the block overturns from rest under significantly more conditions.
-
-        The significance is that of McNemar's test on the conditions in which only one of the two cases
-        overturns.
-        """
-        overturned, without = exact.status == "overturned", self.without_pendulum.status == "overturned"
-        worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
-        total = len(overturned)
-        # With a single condition no test is possible: every additional overturning counts.
-        if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
-            return []
-        kind = ReasonKind.overturns_more
-        return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
-
     @property
     def words(self) -> Words:
         """See `Problem.words`."""
@@ -246,17 +227,6 @@ class HarmonicProblem(Problem):
     def usual_level(self) -> tuple[float, str]:
         """See `Problem.usual_level`."""
         return self.at_rest.peak, "strongest condition"
-
-    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check]:
-        """See `Problem.compared_models`."""
-        return (check(self.scene, pendulum, swing_limit=stroke_limit(self.limits), **how),)
-
-    def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
-        """See `Problem.lifts`."""
-        cases = self.scene.parameters(pendulum), self.scene.parameters()
-        # The margin is 1 - f/f_uplift, which gives the acceleration that lifts the block.
-        with_pendulum, without_pendulum = (float(p.f / (1.0 - uplift(p).margin)) for p in cases)
-        return with_pendulum, without_pendulum
 
     @property
     def at_rest(self) -> AtRest:

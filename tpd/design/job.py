@@ -23,7 +23,7 @@ from tpd.core.files import path_of
 from tpd.core.formatting import argument_names, number_hint
 from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
-from tpd.design.space import TWINS, DesignSpace, check_fit, check_moves, check_scatter
+from tpd.design.space import TWINS, DesignSpace, check_moves, check_scatter
 from tpd.design.tables import (
     PAPER,
     READING,
@@ -45,7 +45,7 @@ from tpd.limits import LIMIT_KINDS, OBJECTIVES, Clearance, Limit, Objective, Req
 from tpd.records.intensity import intensity_of
 from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import MEASURES, Conditions
+from tpd.scene.conditions import MEASURES, Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.hazard import Hazard
@@ -193,6 +193,8 @@ class Job(ABC):
         Raises:
             ValueError: the motion is a harmonic.
         """
+        if self.settles:
+            raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
         return self.motions
 
     @property
@@ -234,13 +236,13 @@ class Job(ABC):
         motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
             raise ValueError("the acceleration of the motion must not be zero at all times")
-        # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
-        size = 1.0
         with naming("excitation"):
-            checks.plausible("the largest of `scales`", max(scales), keys["intensity"])
-        if keys["scales"] is not None and keys["intensity"] != "scale":
-            size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
-        return motion.scaled(scales[0] / size)
+            checks.plausible("the largest of `scales`", scales[0], self.intensity)
+        if keys["scales"] is None:
+            return motion
+        # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
+        measure = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None)
+        return motion.scaled(scales[0] / measure.value(motion))
 
     @property
     def single(self) -> Scene:
@@ -249,7 +251,7 @@ class Job(ABC):
         Raises:
             ValueError: there are several records or several scales.
         """
-        return self.under(self.shaking)
+        return self.scene if self.settles else self.under(self.shaking)
 
     @cached_property
     @abstractmethod
@@ -454,16 +456,6 @@ class HarmonicJob(Job):
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
         with naming("excitation"):
             return [Harmonic(**{x: self.full["excitation"][x] for x in required_keys("excitation")})], ()
-
-    @property
-    def ground_motions(self) -> tuple[GroundMotion, ...]:
-        """See `Job.ground_motions`."""
-        raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
-
-    @property
-    def single(self) -> Scene:
-        """See `Job.single`."""
-        return self.scene
 
     @cached_property
     def conditions(self) -> Conditions | None:
@@ -725,7 +717,11 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     job.check_motion()
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
-    check_fit(site, job.space, ensemble, naming)
+    with naming("ensemble"):
+        if ensemble.restitution:
+            check_restitution(site, in_runs=True)
+    with naming("space"):
+        _ = job.space.of(job.block)
     _ = job.risk, job.limits, job.requirements, job.hazard, job.level
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.

@@ -34,7 +34,7 @@ from tpd.design.reasons import OFFERED, VALIDATED, DesignStatus
 from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.space import DesignSpace
-from tpd.design.validate import Crossed, Validation, validate
+from tpd.design.validate import Validation, validate
 from tpd.limits import Limit, Objective, Requirements
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
@@ -173,7 +173,10 @@ def solve_problem(problem: Problem, progress: Progress = unreported) -> Design:
         if (runs := result.runs) is not None:
             refinement.learn(result.design, runs.with_pendulum)
     if rule is not None:
-        replaces = rule.status not in OFFERED or (bool(validated) and _is_better(validated[-1], rule))
+        replaces, last = rule.status not in OFFERED, validated[-1] if validated else None
+        # A design of the search that passes must have a significantly larger reduction in the same runs.
+        if last is not None and last.status in VALIDATED and last.runs is not None and rule.runs is not None:
+            replaces |= last.runs.reduction_minus(rule.runs, rule.measure_of_runs).low > 0.0
         validated.insert(0 if replaces else len(validated), rule)
         status = status if replaces and len(validated) > 1 else rule.status
     best = validated[-1].design if validated and not validated[-1].reasons else None
@@ -192,9 +195,9 @@ _FEWEST = {"designs": 4, "steps": 0}
 """Smallest numbers of trials of a search of cross-fitting."""
 
 
-def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
-    """Return the best design of the search for each group of earthquakes, without the group; None without
-    cross-fitting.
+def _cross_fit(problem: Problem, progress: Progress) -> np.ndarray | None:
+    """Return the best design of the search for each group of earthquakes, without the group, as an array
+    (groups, 3); None without cross-fitting.
 
     The searches have half of the trials. Their designs can only be worse for it, and the verdict is cautious.
     If no design keeps the limits, it is the first guess, and without one the smallest design of the space.
@@ -206,15 +209,7 @@ def _cross_fit(problem: Problem, progress: Progress) -> Crossed | None:
         guess = first_guess(other)
         best = other.improver(guess, progress).best([])
         designs.append(best if best is not None else other.space.ends[0] if guess is None else guess)
-    return Crossed.of(problem, np.array(designs)) if designs else None
-
-
-def _is_better(searched: Validation, rule: Validation) -> bool:
-    """Whether a design of the search passes, and its reduction is significantly larger than that of the
-    rule in the same runs."""
-    if searched.status not in VALIDATED or searched.runs is None or rule.runs is None:
-        return False
-    return searched.runs.reduction_minus(rule.runs, rule.measure_of_runs).low > 0.0
+    return np.array(designs) if designs else None
 
 
 _SIZES = "mass", "length", "damping_ratio"

@@ -14,11 +14,11 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from tpd.answers.compare_models import Check
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import OVERTURNS, PairedRuns
-from tpd.answers.run_table import Runs
+from tpd.answers.run_table import Runs, follow_scaled
 from tpd.answers.statistics import quantile_of
+from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.core.formatting import pair_of
 from tpd.core.progress import Progress, unreported
@@ -27,7 +27,7 @@ from tpd.design.job import Job
 from tpd.design.reasons import AFTER_PUSH, STAYS, VALIDATED, DesignStatus, Reason, ReasonKind
 from tpd.design.risk import Risk
 from tpd.design.sizes import Evaluation, evaluate_sizes
-from tpd.design.space import DesignSpace, check_fit
+from tpd.design.space import DesignSpace
 from tpd.limits import (
     STILL,
     Clearance,
@@ -39,8 +39,9 @@ from tpd.limits import (
     check_limits,
     limit_of,
 )
-from tpd.scene.conditions import Conditions, HalfWidth, Normal
+from tpd.scene.conditions import Conditions, HalfWidth, Normal, check_restitution
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.hazard import HOW_TO
 from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.theory.equations import Terms
@@ -158,8 +159,6 @@ class Problem(ABC):
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
     """Whether each validation run under ground motions belongs to a stratum of the intensity, by the ends of
     the stratum; empty if there is one level, and under harmonic excitation."""
-    measure_in_words: ClassVar[str] = ""
-    """Name of the intensity measure of the levels."""
     earthquakes: ClassVar[np.ndarray | None] = None
     """Number of the earthquake of each validation run; None under harmonic excitation."""
     usual_contacts: ClassVar[float] = 0.01
@@ -209,7 +208,9 @@ class Problem(ABC):
         seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
         checked |= {"seed": seed, "limits": limits}
         check_cavity(scene.block, checked["limits"])
-        space = check_fit(scene, checked["space"], checked["ensemble"])
+        if checked["ensemble"].restitution:
+            check_restitution(scene, in_runs=True)
+        space = checked["space"].of(scene.block)
         return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
     @property
@@ -299,10 +300,6 @@ class Problem(ABC):
         """Exact motions without a pendulum; None if only runs can evaluate a design."""
         return self.exact(None)
 
-    def harm_from_rest(self, exact: Any) -> list[Reason]:
-        """Return a reason if the exact motions from rest show that the pendulum does harm."""
-        return []
-
     objective_in_words: ClassVar[str] = ""
     """Words for the quantity that descents minimise; empty without descents."""
 
@@ -321,23 +318,6 @@ class Problem(ABC):
     @abstractmethod
     def usual_level(self) -> tuple[float, str]:
         """Peak acceleration (g) for which measures without a pendulum are estimated, and words for it."""
-
-    def compared_models(self, pendulum: Pendulum | None, **how: Any) -> tuple[Check, ...]:
-        """Return a comparison of models for each stated motion that settles; none under ground motions.
-
-        Args:
-            pendulum: the pendulum; None for the block alone.
-            how: `models` and `progress` of `tpd.check`.
-        """
-        return ()
-
-    def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
-        """Return the base accelerations over gravity that lift the resting block with a settled pendulum and
-        without one.
-
-        The result is None if no motion settles.
-        """
-        return None
 
     @property
     @abstractmethod
@@ -361,7 +341,7 @@ class Problem(ABC):
         if status is DesignStatus.slides:
             at, uplift = pair_of(alone.base_friction or 0.0, alone.uplift)
             return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-        stays, (times, _) = (f"{DesignStatus.no_uplift.head}: {STAYS}", pair_of(alone.safety_factor, 1.0))
+        stays, times = f"{DesignStatus.no_uplift.head}: {STAYS}", pair_of(alone.safety_factor, 1.0)[0]
         return f"{stays}, and an excitation that is {times} times as strong would lift it. {AFTER_PUSH}"
 
     @property
@@ -376,15 +356,12 @@ class Problem(ABC):
         levels. A part has a name and whether each run belongs to it; there are none for a single part."""
         counted = runs.is_answered if runs.counted is None else runs.is_answered & runs.counted
         # Under a harmonic the start decides most, and under ground motions the level.
-        parts = list(runs.with_pendulum.starts.items())
-        if levels := np.array(list(self.levels.values())).tolist():
-            ranges = [i.tolist() for i in np.array_split(np.arange(len(levels)), min(len(levels), most))]
-            parts = [(self.level_range(i[0], i[-1]), np.any([levels[j] for j in i], axis=0)) for i in ranges]
-        return [(name, rows & counted) for name, rows in parts] if len(parts) > 1 else []
+        parts = self.level_ranges(most) or runs.with_pendulum.starts
+        return [(name, rows & counted) for name, rows in parts.items()] if len(parts) > 1 else []
 
-    def level_range(self, first: int, last: int) -> str:
-        """Return words for consecutive levels of ground motions, from their numbers."""
-        raise NotImplementedError
+    def level_ranges(self, most: int) -> dict[str, np.ndarray]:
+        """Return up to `most` ranges of the levels of ground motions, in the form of `levels`."""
+        return {}
 
     def headline(self, status: DesignStatus, reasons: Sequence[str]) -> str:
         """Return the sentence of a status: for which excitations a pendulum is valid, or the first reason
@@ -419,6 +396,14 @@ class Problem(ABC):
     ) -> Runs:
         """Simulate the validation runs of a design under a variation; None for the design means no
         pendulum."""
+
+    def runs_under(
+        self, cases: Sequence[Pendulum | None], motions: Sequence[GroundMotion], factors: Any, **how: Any
+    ) -> Any:
+        """Simulate the stated block from rest by the nonlinear equations; see `follow_scaled`."""
+        block, gravity = self.scene.block, float(self.scene.gravity)
+        how |= {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear}
+        return follow_scaled(block, cases, motions, factors, **how)
 
     @property
     @abstractmethod
@@ -468,7 +453,8 @@ class Problem(ABC):
     def yearly(self, rates: Any) -> tuple[str, ...]:
         """Return the sentences of annual rates. If they are None, the result is one sentence on how to state
         a hazard under ground motions of several levels, else empty. Sentences have no full stop."""
-        return () if rates is None else rates.sentences
+        # One level determines no rate, so that a hazard would not help.
+        return (HOW_TO,) * bool(self.levels) if rates is None else rates.sentences
 
     def run_seed(self, *numbers: int) -> int:
         """Return a seed of runs. The first number is that of the stage, the other numbers count within the

@@ -209,14 +209,9 @@ class Reason:
                 return 1.0
         # An increase is related to the whole quantity, and a lower bound is missed from above.
         if self.kind is kinds.breaks_limit:
-            excess = abs(excess) / (self.reference + self.is_increase)
+            excess = abs(excess) / (self.reference + (self.limit == Worsening.name))
         # A quantity that is not known is no limit that is kept.
         return math.inf if math.isnan(excess) else excess
-
-    @property
-    def is_increase(self) -> bool:
-        """Whether the limited quantity is the increase of a tilt."""
-        return self.limit == Worsening.name
 
     @property
     def is_danger(self) -> bool:
@@ -233,7 +228,7 @@ class Reason:
         counts = dict.fromkeys((kinds.overturns_more, kinds.rests_less, kinds.undecided), 9)
         digits = (counts | {kinds.slides: 2, kinds.breaks_limit: 3}).get(self.kind)
         # Shares of runs, tilts and their increases are in per cent.
-        form, digits = (number, digits) if digits and not self.is_increase else (percent, 1)
+        form, digits = (number, digits) if digits and self.limit != Worsening.name else (percent, 1)
         value, reference = pair_of(self.value, self.reference, digits, form)
         kind = next((x for x in LIMIT_KINDS if x.name == self.limit), Limit)
         excess = f"{value} times the limit"
@@ -294,11 +289,10 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     required, or if no run overturns without the pendulum.
     """
     usual, other = runs.first_measure, "tilt" if measure == "overturning" else "overturning"
-    measures = [measure, *([] if other == "overturning" != usual else [other])]
-    if runs.change("overturned").without_pendulum == 0.0:
-        measures = ["tilt"]
-    first, *others = [overturned(runs), *(reduced(runs, m) for m in measures)]
-    if runs.change("overturned").without_pendulum > 0.0:
+    falls = runs.change("overturned").without_pendulum > 0.0
+    measures = [measure, *([] if other == "overturning" != usual else [other])] if falls else ["tilt"]
+    others = [reduced(runs, m) for m in measures]
+    if falls:
         # The mean may fall mainly because fewer runs overturn, which count as 100 %.
         tilt = runs.change("median tilt")
         pendulum, without = (percent(x) for x in (tilt.with_pendulum, tilt.without_pendulum))
@@ -306,7 +300,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
             f"the mean counts a run that overturns as 100 % of the toppling tilt; the median is {pendulum} "
             f"({without} without it)"
         )
-    return ". ".join([first, *(text[0].upper() + text[1:] for text in others)])
+    return ". ".join([overturned(runs), *(text[0].upper() + text[1:] for text in others)])
 
 
 def overturned(runs: PairedRuns) -> str:

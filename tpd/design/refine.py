@@ -335,19 +335,11 @@ class Refinement:
         value = np.array([self.problem.value_of(runs) for runs in self.runs])
         risk = self._trend_of(value.tolist())
         trend = np.full(len(designs), np.nan) if risk is None else risk.at(self.at(designs))[0]
-        return Trials.of(
-            self.order(),
-            self.runs,
-            limited,
-            designs=designs,
-            value=value,
-            trend=trend,
-            feasible=feasible,
-            without_pendulum=self.problem.value_of(self.without),
-            risk=risk,
-            # A spline with a constant added to all values is the spline plus this constant.
-            limits={n: replace(t, values=t.values + self._shift(n)) for n, t in self.limits.items()},
-        )
+        more = {"designs": designs, "value": value, "trend": trend, "feasible": feasible, "risk": risk}
+        # A spline with a constant added to all values is the spline plus this constant.
+        limits = {n: replace(t, values=t.values + self._shift(n)) for n, t in self.limits.items()}
+        without = self.problem.value_of(self.without)
+        return Trials.of(self.order(), self.runs, limited, without_pendulum=without, limits=limits, **more)
 
 
 def refine(problem: Problem, candidates: np.ndarray, further: int, progress: Progress) -> Refinement:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube
-from tpd.scene.ensemble import Ensemble
 from tpd.scene.parameters import HIGHEST_HINGE, HIGHEST_RATIO
 from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
 
@@ -238,24 +236,3 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
             raise ValueError(f"`{name}` cannot vary by a share of itself, because it is 0")
         if name == "restitution":
             check_restitution(scene)
-
-
-def check_fit(
-    scene: Scene,
-    space: DesignSpace,
-    ensemble: Ensemble,
-    naming: Callable[[str], AbstractContextManager[Any]] = nullcontext,
-) -> DesignSpace:
-    """Return the space in ratios. Raise `ValueError` if space or ensemble does not fit the block.
-
-    Args:
-        scene: block at its site.
-        space: design space.
-        ensemble: validation runs.
-        naming: function that adds the name of a table of the job file to the messages; default no name.
-    """
-    with naming("ensemble"):
-        if ensemble.restitution:
-            check_restitution(scene, in_runs=True)
-    with naming("space"):
-        return space.of(scene.block)

@@ -21,8 +21,6 @@ from tpd.scene.scene import Pendulum
 
 VERSION = 15
 """Version of the file. It increases when a key that is read here changes its meaning or is removed."""
-_TABLES = {"job": True, "pendulum": True, "versions": False}
-"""Keys of the file that are tables, and whether they can be null."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -37,8 +35,6 @@ class StoredDesign(Printed):
     """Pendulum of the design, in SI units; None if none is recommended."""
     tables: dict[str, Any] | None
     """Tables of the job file that repeats the search; None for a design of Python objects."""
-    versions: dict[str, str]
-    """Versions of the packages that computed the design, by name."""
     content: dict[str, Any]
     """Whole content of the file."""
 
@@ -105,18 +101,23 @@ def read_design(path: str | Path) -> StoredDesign:
     if version != VERSION:
         raise ValueError(f"{file} must be of version {VERSION}, but is of {version!r}: run the job again")
     try:
-        for name, can_be_null in _TABLES.items():
+        for name in ("job", "pendulum"):
             if name not in content:
                 raise ValueError(f"it has no `{name}`")
-            if not (isinstance(value := content[name], dict) or (can_be_null and value is None)):
+            if not isinstance(value := content[name], dict | None):
                 raise ValueError(f"`{name}` must be a table, but is {value!r}")
         checks.one_of("status", content.get("status"), tuple(DesignStatus.__members__))
+        values, names = content["pendulum"], [f.name for f in fields(Pendulum)]
+        if values is not None and values.keys() != set(names):
+            have = ", ".join(values) or "none"
+            raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {have}")
+        with naming("pendulum"):
+            pendulum = None if values is None else Pendulum(**values)
         stored = StoredDesign(
             path=file,
             tables=content["job"],
-            pendulum=_pendulum(content["pendulum"]),
+            pendulum=pendulum,
             status=DesignStatus[content["status"]],
-            versions=content["versions"],
             content=content,
         )
         # Build the job now: a damaged file is rejected here, and not later when the job is used.
@@ -124,13 +125,3 @@ def read_design(path: str | Path) -> StoredDesign:
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None
     return stored
-
-
-def _pendulum(values: dict[str, Any] | None) -> Pendulum | None:
-    if values is None:
-        return None
-    names = [f.name for f in fields(Pendulum)]
-    if values.keys() != set(names):
-        raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {', '.join(values) or 'none'}")
-    with naming("pendulum"):
-        return Pendulum(**values)

@@ -55,8 +55,9 @@ class Trials:
             "overturned": np.array([x.share_overturned.value for x in runs]),
             "undecided": np.array([x.is_unanswered.sum() for x in runs]),
         }
-        sorted_ = {name: x[order] if isinstance(x, np.ndarray) else x for name, x in more.items()}
-        return Trials(names=tuple(limited), **sorted_)
+        for name, x in more.items():
+            more[name] = x[order] if isinstance(x, np.ndarray) else x
+        return Trials(names=tuple(limited), **more)
 
     def best_without(self, *limits: str) -> int | None:
         """Return the index of the design of smallest trend that keeps all limits except those named, or

@@ -15,34 +15,19 @@ those of the design.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import REST_LOSS, PairedRuns
 from tpd.answers.run_table import Runs
+from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import CERTAIN, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.limits import Clearance, Requirements
 from tpd.scene.scene import Pendulum
-
-
-class Crossed(NamedTuple):
-    """Designs of the groups of earthquakes in cross-fitting, each found without the group."""
-
-    designs: np.ndarray
-    """(mu, lam, zeta) of each group, shape (groups, 3)."""
-    of_runs: np.ndarray
-    """Design of each validation run, shape (runs, 3)."""
-
-    @staticmethod
-    def of(problem: Problem, designs: np.ndarray) -> Crossed:
-        """Return the designs of the groups of a problem."""
-        of_runs = sum(rows[:, None] * x for (_, rows), x in zip(problem.crossed, designs, strict=True))
-        return Crossed(designs, np.asarray(of_runs))
-
 
 _ROUNDING = 1e-9
 """Relative excess over a limit that is attributed to rounding."""
@@ -107,7 +92,7 @@ def validate(
     attempt: int = 0,
     confirmed: int = 0,
     *,
-    crossed: Crossed | None = None,
+    crossed: np.ndarray | None = None,
     without_pendulum: Runs | None = None,
     thorough: bool = False,
     progress: Progress = unreported,
@@ -120,7 +105,8 @@ def validate(
         attempt: number of designs that were validated before by other runs.
         confirmed: number of these designs whose second half of the runs was simulated. The runs that are
             quoted for the first such design are those of `tpd.assess`.
-        crossed: designs of the groups of cross-fitting; None if none of the runs that count chose the design.
+        crossed: designs (mu, lam, zeta) of the groups of cross-fitting, each of a search without the group,
+            (groups, 3); None if none of the runs that count chose the design.
         without_pendulum: these runs without a pendulum, if they exist.
         thorough: whether to simulate runs also if a limit that needs no run rejects the design.
         progress: function of (stage, runs done, total).
@@ -131,7 +117,7 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += problem.harm_from_rest(exact)
+    reasons += [] if exact is None else _harm_from_rest(problem, exact)
     friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
     if friction is not None:
         needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
@@ -141,7 +127,11 @@ def validate(
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
         seed, varied = run_seed(problem, attempt, 0), STATED._replace(without_pendulum=without_pendulum)
-        which = design if crossed is None else crossed.of_runs
+        which = design
+        if crossed is not None:
+            # Each run has the design that was found without its earthquake.
+            parts = zip(problem.crossed, crossed, strict=True)
+            which = np.sum([rows[:, None] * x for (_, rows), x in parts], axis=0)
         decided = problem.paired_runs(which, seed, varied=varied, progress=progress)
         own = decided.with_pendulum if crossed is None else problem.validation_runs(design, seed)
         # The runs that decide also select the measure. The other half must be compared by the same measure,
@@ -173,12 +163,27 @@ def validate(
         deciding_runs=decided,
         reported_runs=quoted,
         own_runs=own,
-        crossed=None if crossed is None else crossed.designs,
+        crossed=crossed,
         measure="" if decided is None else requirements.reduce or "",
         over_limit=float(over),
         reasons=tuple(reasons),
         status=status,
     )
+
+
+def _harm_from_rest(problem: Problem, exact: Any) -> list[Reason]:
+    """Return a reason if the block overturns from rest under significantly more conditions.
+
+    The significance is that of McNemar's test on the conditions in which only one of the two cases overturns.
+    """
+    overturned, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
+    worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
+    total = len(overturned)
+    # With a single condition no test is possible: every additional overturning counts.
+    if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
+        return []
+    kind = ReasonKind.overturns_more
+    return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
 
 def run_seed(problem: Problem, attempt: int, part: int) -> int:

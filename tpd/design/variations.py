@@ -20,9 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.run_table import follow_scaled
 from tpd.answers.statistics import LEVEL, Interval, added_up
-from tpd.answers.transient import FREE
 from tpd.core.formatting import number, percent
 from tpd.core.progress import Progress, unreported
 from tpd.design.problem import Problem, Variation, VariationKind
@@ -166,12 +164,10 @@ def pairs(
         return replace(best.runs, with_pendulum=other)
     if varied.records:
         # The stated block without scatter, as in a fragility.
-        gravity, cluster = float(problem.scene.gravity), earthquakes_of(varied.records)
-        peak = varied.share * problem.at_rest.uplift * gravity
+        cluster = earthquakes_of(varied.records)
+        peak = varied.share * problem.at_rest.uplift * float(problem.scene.gravity)
         factors = np.array([[peak / float(record.pga)] for record in varied.records])
-        how = {"gravity": gravity, "free": FREE, "equations": Terms.nonlinear, "brief": True}
-        cases = [best.pendulum, None]
-        runs = follow_scaled(problem.scene.block, cases, varied.records, factors, **how)
+        runs = problem.runs_under([best.pendulum, None], varied.records, factors, brief=True)
         one, other = (runs.of(np.array(i)).reshape(-1) for i in range(2))
         own = {"group": np.zeros(len(cluster), int), "labels": (), "cluster": cluster}
         return PairedRuns(with_pendulum=one, without_pendulum=other, **own)

@@ -17,7 +17,6 @@ from tpd.core import checks
 from tpd.core.formatting import confidence, number, percent, with_and_without
 from tpd.design.design import Design
 from tpd.design.ground_motion import motion_factors
-from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -63,7 +62,7 @@ _DISTANCES = np.array([0.02, 0.02, 0.2])
 tolerance range of its own: the scatter of the validation runs."""
 _RUN_ROWS = ("overturned", "Share overturned in the report"), ("mean", "Mean tilt over the slenderness")
 """Names and labels of the rows on validation runs."""
-_NUMBERS = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
+_NUMBERS: dict[Any, Any] = {"infinite": math.inf, "-infinite": -math.inf, "nan": math.nan}
 """Numbers by their words in a file."""
 _NO_RUNS = "no validation runs near this design and excitation"
 _LEVELS = 0.1, 2.0
@@ -114,9 +113,9 @@ def content(subject: Subject) -> dict[str, Any]:
         "no_runs": [(*row, "not simulated", _NO_RUNS) for row in _RUN_ROWS],
     }
     # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
-    if isinstance(problem, HarmonicProblem):
-        return out | _harmonic(problem, start, pendulum)
-    return out | _ground_motions(problem, start) | {"levels": answer.get("levels") or []}
+    if problem.has_earthquakes:
+        return out | _ground_motions(problem, start) | {"levels": answer.get("levels") or []}
+    return out | _harmonic(problem, start, pendulum)
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
@@ -158,7 +157,7 @@ def _space(problem: Problem) -> np.ndarray:
 def _first_pendulum(problem: Problem, answer: Mapping[str, Any]) -> Pendulum:
     """Pendulum with which the page begins: the recommended one, else the last one that was validated, else
     one in the middle of the space of the search."""
-    for stored in (answer, *reversed(answer.get("validated") or ())):
+    for stored in (answer, *reversed(answer.get("validated", []))):
         if stored.get("pendulum"):
             return Pendulum(**stored["pendulum"])
     low, high = _space(problem).T
@@ -193,7 +192,7 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
     }
 
 
-def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
+def _harmonic(problem: Problem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
     """Controls and tables of orbits under a harmonic."""
     scene, motion = problem.scene, problem.scene.excitation
     own = _values_of(start) | {"frequency": float(motion.frequency), "amplitude": float(motion.amplitude)}
@@ -220,7 +219,7 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     return {"controls": _controls(own, ranges), "tables": tables, "periods": periods, "trials": trials}
 
 
-def _trials(problem: HarmonicProblem, start: Pendulum, axes: list[GridAxis]) -> dict[str, Any]:
+def _trials(problem: Problem, start: Pendulum, axes: list[GridAxis]) -> dict[str, Any]:
     """Runs that the browser simulates, and the share of them that overturn over mass and length."""
     ensemble, conditions = replace(problem.ensemble, size=_RUNS), problem.conditions
     grid = np.meshgrid(*(a.values for a in axes), indexing="ij")
@@ -306,7 +305,7 @@ def _stored_runs(problem: Problem, answer: Mapping[str, Any]) -> Iterator[dict[s
     """Validation runs of each validated design, with the range of the pendulum in which they hold."""
     block = problem.scene.block
     si = np.array([float(block.mass), float(block.centroid), 1.0])
-    validated, equivalent = answer.get("validated") or (), answer.get("equivalent")
+    validated, equivalent = answer.get("validated", []), answer.get("equivalent")
     for v in validated:
         # A limit that needs no run can reject a design before its runs.
         if (runs := v["reported_runs"] or v["deciding_runs"]) is None:

@@ -35,8 +35,11 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     """
     if design.runs is None:
         raise ValueError("`design` must have validation runs, but has none")
+    cases = design.runs.without_pendulum, design.runs.with_pendulum
+    # The kinds of start or levels have shares that overturn, if any run overturns.
+    parts = design.problem.parts_of(design.runs) if any(x.is_overturned.any() for x in cases) else []
     # The first `above` rows are about all runs.
-    rows, above = _rows(design, design.runs)
+    rows, above = _rows(design.runs, parts)
     heights, values = np.arange(len(rows)), np.array([row[1:] for row in rows])
     without, pendulum, low, high = values.T
     ax = new_axes(1, (7.4, 1.2 + 0.24 * len(rows))) if ax is None else ax
@@ -48,8 +51,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     for case, x, size in zip(CASES, (without, pendulum), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})
     # Two thin bars, a little apart, so that both can be seen where they overlap.
-    for (_, rows_of_part), y in zip(_overturning(design, design.runs), heights[above:], strict=False):
-        cases = design.runs.without_pendulum, design.runs.with_pendulum
+    for (_, rows_of_part), y in zip(parts, heights[above:], strict=False):
         for runs, case, shift in zip(cases, CASES, (0.16, -0.16), strict=True):
             share = runs.of(rows_of_part).share_overturned
             ax.hlines(y + shift, share.low, share.high, color=case["color"], lw=1.2, zorder=2)
@@ -62,13 +64,9 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     return ax
 
 
-def _overturning(design: Design, runs: PairedRuns) -> list[tuple[str, np.ndarray]]:
-    """Return the kinds of start or levels whose shares that overturn are drawn; none if no run overturns."""
-    falls = any(case.is_overturned.any() for case in (runs.with_pendulum, runs.without_pendulum))
-    return design.problem.parts_of(runs) if falls else []
-
-
-def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, float, float, float]], int]:
+def _rows(
+    runs: PairedRuns, parts: list[tuple[str, np.ndarray]]
+) -> tuple[list[tuple[str, float, float, float, float]], int]:
     """Return the rows of the picture of the benefit, and the number of rows about all runs.
 
     A row is a label, the values without and with the pendulum, and the ends of the interval of their
@@ -82,7 +80,7 @@ def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, floa
         if name != "at rest" or runs.cluster is None or (with_pendulum, without) != (0.0, 0.0):
             rows.append((label, without, with_pendulum, low, high))
     above = len(rows)
-    for name, of in _overturning(design, runs):
+    for name, of in parts:
         cases = runs.without_pendulum, runs.with_pendulum
         shares = (float(np.mean(case.is_overturned[of])) for case in cases)
         rows.append((f"overturned, {name}", *shares, np.nan, np.nan))

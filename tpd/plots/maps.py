@@ -78,9 +78,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
         # On one side of the line a block at rest lifts after the bob has settled; on the other side it stays.
         edge(ax, m.x, m.y, m.margin, "uplift margin 0", 0.5)
     ax.set(xlabel=LABELS[m.x_name], ylabel=LABELS[m.y_name])
-    if handles:
-        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 2}
-        ax.legend(handles=handles, fontsize=SMALL, frameon=False, **place)
+    legend(ax, handles=handles)
     return ax
 
 

@@ -119,25 +119,17 @@ def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
     return _OF_DESIGN[what](design, ax)
 
 
-def draw_response(
-    result: Response, without: Response | None = None, own: float | None = None, axes: Any = None
+def draw_cases(
+    result: Any, without: Response | Branches | None = None, own: float | None = None, axes: Any = None
 ) -> Any:
-    """Draw a response and, if there is one, the response without the pendulum."""
-    own = None if own is None else checks.number("own", own)
-    return response.plot_response([*_without(result, without), result], own, axes=axes)
-
-
-def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
-    """Draw branches and, if there are any, the branches without the pendulum."""
-    return response.plot_branches([*_without(result, without), result], axes)
-
-
-def _without(result: Any, without: Any) -> list[Any]:
-    """Return a list with the result without the pendulum, or an empty list, after a check of its quantity."""
+    """Draw a response or branches and, if there are any, those without the pendulum."""
     checks.optional("without", without, type(result))
     if without is not None and without.name != result.name:
         raise ValueError(f"`without` must be over `{result.name}`, but is over `{without.name}`")
-    return [] if without is None else [without]
+    cases: list[Any] = [result] if without is None else [without, result]
+    if isinstance(result, Branches):
+        return response.plot_branches(cases, axes)
+    return response.plot_response(cases, None if own is None else checks.number("own", own), axes=axes)
 
 
 _OF_DESIGN: dict[str, Callable[[Any, Any], Any]] = {
@@ -153,8 +145,8 @@ _KINDS: dict[type, tuple[Any, ...]] = {
     Design: (draw_design, "what", "ax"),
     DesignMap: (maps.plot_map, "quantity", "ax"),
     FoldCurve: (maps.plot_fold_curve, "ax"),
-    Response: (draw_response, "without", "own", "axes"),
-    Branches: (draw_branches, "without", "axes"),
+    Response: (draw_cases, "without", "own", "axes"),
+    Branches: (draw_cases, "without", "axes"),
     Fragility: (maps.plot_fragility, "state", "ax"),
     OverturningSpectrum: (maps.plot_overturning_spectrum, "axes"),
     RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),

@@ -90,17 +90,18 @@ def in_degrees(ax: Any) -> None:
     ax.secondary_yaxis("right", functions=(np.degrees, np.radians)).set_ylabel("degrees")
 
 
-def legend(ax: Any, columns: int = 2, **place: Any) -> None:
+def legend(ax: Any, columns: int = 2, handles: Any = None, **place: Any) -> None:
     """Add a legend without a frame if any line has a label.
 
     Args:
         ax: the axes.
         columns: number of columns.
+        handles: handles of the legend; by default those of the lines with labels.
         place: position, as arguments of `Axes.legend`; by default above the axes.
     """
-    if ax.get_legend_handles_labels()[0]:
+    if handles or ax.get_legend_handles_labels()[0]:
         above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
-        ax.legend(fontsize=SMALL, frameon=False, **(place or above))
+        ax.legend(handles=handles, fontsize=SMALL, frameon=False, **(place or above))
 
 
 def edge(

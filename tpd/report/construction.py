@@ -9,6 +9,7 @@ from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.words import kept, point
+from tpd.scene.scene import Pendulum
 
 
 def section(design: Design, details: Details) -> list[Block]:
@@ -16,14 +17,12 @@ def section(design: Design, details: Details) -> list[Block]:
     build = details.build
     if build is None or design.pendulum is None:
         return []
-    return [_sizes(design, build), *_parts(build), _checks(build)]
+    return [_sizes(design, design.pendulum, build), *_parts(build), _checks(build)]
 
 
-def _sizes(design: Design, build: Build) -> Table:
+def _sizes(design: Design, pendulum: Pendulum, build: Build) -> Table:
     """Return the table of sizes, and of loads with a damper at the hinge."""
-    pendulum, loads = design.pendulum, build.loads
-    # `section` has checked this.
-    assert pendulum is not None
+    loads, moment = build.loads, build.damping * build.loads.rate
     zeta = number(pendulum.damping_ratio)
     mass = point(pendulum)
     body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
@@ -33,6 +32,12 @@ def _sizes(design: Design, build: Build) -> Table:
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
         rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
+    reach: list[tuple[Cell, ...]] = []
+    # Without runs the distance that the bob needs on each side is unknown.
+    if math.isfinite(build.reach):
+        text = f"the bob stays within this distance in {kept(design)}"
+        text += f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
+        reach = [("bob, largest distance from the block's axis", f"{number(build.reach)} m", text)]
     # The uplift acceleration depends on the frequency of the excitation. Its limits for slow and fast
     # motions have closed forms.
     slow, fast = build.uplift_slow_fast
@@ -44,7 +49,7 @@ def _sizes(design: Design, build: Build) -> Table:
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
         ("rod, hinge to the bob's centre", *rod),
         ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the bob at rest"),
-        *_reach(design, build),
+        *reach,
         ("natural frequency", f"{number(build.frequency)} Hz", "without the damper, block at rest"),
         ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"rotational; damping ratio {zeta}"),
         ("weight on the hinge", _force(build.weight), "of bob and rod, on the beam that carries the hinge"),
@@ -61,8 +66,8 @@ def _sizes(design: Design, build: Build) -> Table:
             f"{number(build.impulse, 3)} N s",
             "vertical, at the largest rate of a block that comes back from the toppling tilt",
         ),
-        ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
-        ("largest power of the damper", f"{number(build.damper_power)} W", None),
+        ("largest moment of the damper", f"{number(moment)} N m", None),
+        ("largest power of the damper", f"{number(moment * loads.rate)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
         ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
         (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
@@ -144,15 +149,6 @@ def _mm(x: float) -> str:
 def _force(x: float, digits: int = 4) -> str:
     """Format a force (N) in N or kN."""
     return f"{number(1e-3 * x, digits)} kN" if x >= 1e3 else f"{number(x, digits)} N"
-
-
-def _reach(design: Design, build: Build) -> list[tuple[Cell, ...]]:
-    """Return a row with the distance that the bob needs on each side; no row without runs that show it."""
-    if not math.isfinite(build.reach):
-        return []
-    text = f"the bob stays within this distance in {kept(design)}"
-    wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
-    return [("bob, largest distance from the block's axis", f"{number(build.reach)} m", text + wall)]
 
 
 def _checks(build: Build) -> Listing:

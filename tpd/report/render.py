@@ -37,7 +37,11 @@ def in_lines(of: Summary, most: int = MOST) -> str:
     """Return a summary as at most `most` lines."""
     # Verdict and dangers come first, because the last lines are the first to be left out.
     parts = [wrapped(entry.marked) for entry in (of.verdict, *of.dangers)]
-    parts += [] if of.table is None else [_table(of.table)]
+    if of.table is not None:
+        # Numbers are aligned to the right, and the last column to the left.
+        rows = [list(of.table.head), *([cell or "" for cell in row] for row in of.table.cells)]
+        numbers = aligned([row[:-1] for row in rows])
+        parts.append([f"  {x}   {row[-1]}".rstrip() for x, row in zip(numbers, rows, strict=True)])
     for group in of.groups:
         first, *others = (_row(name, text) for name, text in group.rows)
         # A title never stands alone.
@@ -55,13 +59,6 @@ def in_lines(of: Summary, most: int = MOST) -> str:
 def in_rows(of: Table) -> str:
     """Return a table of names and sentences as lines."""
     return "\n".join(line for name, sentence in of.cells for line in _row(name, sentence))
-
-
-def _table(of: Table) -> list[str]:
-    """Return the lines of a table: numbers aligned to the right, the last column to the left."""
-    rows = [list(of.head), *([cell or "" for cell in row] for row in of.cells)]
-    numbers = aligned([row[:-1] for row in rows])
-    return [f"  {first}   {row[-1]}".rstrip() for first, row in zip(numbers, rows, strict=True)]
 
 
 def _row(name: str, text: str) -> list[str]:

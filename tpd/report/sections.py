@@ -16,6 +16,7 @@ from tpd.design.as_built import Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import reduced
 from tpd.design.sizes import MOTION_KINDS
+from tpd.design.trials import Trials
 from tpd.limits import LABELS, MEASURED, STILL, Clearance
 from tpd.records.read import same_earthquakes
 from tpd.report import words
@@ -186,12 +187,12 @@ def limiting(design: Design, build: Build | None = None) -> list[Block]:
     text += f" Number of designs that exceed each limit, or for which it is unknown: {over}." if over else ""
     # `best_without` ignores the limits that are its arguments.
     best = trials.best_without()
-    rows = [_row(design, "all limits", best)]
+    rows = [_row(design, trials, "all limits", best)]
     for name in (name for name, n in counts.items() if n):
         other = trials.best_without(name)
         # A row equal to the first would hide the rows that differ.
         if other != best:
-            rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
+            rows.append(_row(design, trials, f"without the limit on {LABELS.get(name, name)}", other))
     head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt (of ν)")
     others = "Other rows: best design without that limit."
     if len(rows) == 1:
@@ -237,10 +238,8 @@ def _concerns(name: str, design: Design) -> str:
     return f"settled motion of each {'run' if limit.of_motion else 'condition'}"
 
 
-def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
+def _row(design: Design, trials: Trials, name: str, i: int | None) -> tuple[Cell, ...]:
     """Return a row of the table on limits for the i-th trial design; None for no design."""
-    trials = design.trials
-    assert trials is not None
     if i is None:
         return (name, *(None,) * 3, "no design")
     pendulum, tilt = design.problem.pendulum(trials.designs[i]), percent(trials.trend[i], 1)
@@ -293,16 +292,15 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if trials is None:
         return []
     # Under ground motions there is no gradient to follow.
-    if search is None:
-        text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
-        return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
-    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
-    text = (
-        f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. They "
-        f"started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} designs: "
-        f"{ends}. Runs then corrected the limits {len(search.corrected) - 1} times, and "
-        "the descents continued from there (numbers in the picture)."
-    )
+    text = f"Trial runs of the linear model evaluated {len(trials.designs)} designs."
+    if search is not None:
+        ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
+        text = (
+            f"Descents by the gradient minimised {design.problem.objective_in_words} of the steady motion. "
+            f"They started from {search.description} (seed {design.seed}) and evaluated {search.evaluations} "
+            f"designs: {ends}. Runs then corrected the limits {len(search.corrected) - 1} times, and the "
+            "descents continued from there (numbers in the picture)."
+        )
     return [*figure, Text(text + unanswered(int(trials.undecided.sum())))]
 
 
@@ -328,7 +326,7 @@ def records(design: Design) -> list[Block]:
     table = [Table(head, tuple(rows), caption)] if rows else []
     # The same earthquake can have different names in two files. The user has to check such
     # records.
-    every = [m for motions in words.groups(design).values() for m in motions]
+    every = [m for group in design.problem.groups for m in group.motions]
     notes = design.problem.job.file_notes if design.problem.job else ()
     listed = dict.fromkeys([*notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]

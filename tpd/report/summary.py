@@ -21,6 +21,7 @@ from tpd.limits import LABELS, MEASURED, Clearance
 from tpd.report import words
 from tpd.report.blocks import Cell, Group, Note, Row, Summary, Table, danger, note
 from tpd.report.notes import notes
+from tpd.scene.conditions import MEASURE_NAMES
 
 _ALIKE = 0.02
 """Difference of two shares below which they are called alike."""
@@ -241,7 +242,8 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
     levels = () if problem.first_overturning(runs.without_pendulum) else problem.levels.items()
     if levels:
         count = int(np.sum(next(iter(levels))[1] & counted))
-        yield f"{problem.measure_in_words}: share of {count} runs that overturn with (without) the pendulum"
+        measure = MEASURE_NAMES[problem.conditions.intensity]
+        yield f"{measure}: share of {count} runs that overturn with (without) the pendulum"
     for name, rows in levels:
         cases = (x.of(rows & counted) for x in (runs.with_pendulum, runs.without_pendulum))
         pendulum, without = (percent(x.share_overturned.value, 1) for x in cases)

@@ -13,7 +13,6 @@ from tpd.limits import DEPTH, LABELS, LIMIT_KINDS, MEASURED, THICKNESS, TOP, Cle
 from tpd.records.read import facts, in_words
 from tpd.report.blocks import NO_VALUE
 from tpd.scene.bob import THICKEST
-from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.quantities import UNITS
 from tpd.scene.record import Record
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
@@ -165,15 +164,10 @@ def range_of_mass(design: Design) -> str:
     return f"{number(low, 2)} to {number(high, 2)} kg"
 
 
-def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
-    """Return the ground motions by the names of their groups; empty under harmonic excitation."""
-    return {g.name: g.motions for g in design.problem.groups}
-
-
 def records(design: Design) -> list[tuple[str, dict[str, Any]]]:
     """Return the facts of all records, each with the name of its group of ground motions."""
-    by_group = ((name, m) for name, motions in groups(design).items() for m in motions)
-    return [(name, facts(m)) for name, m in by_group if isinstance(m, Record)]
+    by_group = ((group.name, motion) for group in design.problem.groups for motion in group.motions)
+    return [(name, facts(motion)) for name, motion in by_group if isinstance(motion, Record)]
 
 
 def overturned_between(responses: Sequence[Response], low: float, high: float) -> str:
