@@ -32,9 +32,9 @@ from tests.measures import code_of
 
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ground", "regret", "earthquakes", "optima"),
-    *("objectives", "descent", "first_guess", "engines", "measurements", "intervals", "power"),
+    *("objectives", "descent", "engines", "measurements", "intervals", "power"),
 )
-LONG = ("regret", "objectives", "first_guess")
+LONG = ("regret", "objectives")
 """Benchmarks that `--stale` does not run."""
 OLDER = "older than the code"
 """Mark of a result whose modules have changed. Every page that shows the result repeats the mark."""

@@ -25,6 +25,7 @@ from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, Table, axis, solve
 from tpd.limits import LABELS, STILL, bob_of
 from tpd.report.json import json_of, shares_at_levels
+from tpd.scene.conditions import MEASURE_NAMES
 from tpd.scene.impacts import heaviest_of_housner, housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
@@ -258,7 +259,7 @@ def _ground_motions(problem: Problem, start: Pendulum) -> dict[str, Any]:
     own, ranges = _values_of(start) | {"level": float(values[0])}, _ranges(problem, start)
     ranges["level"] = _LEVELS[0] * float(values.min()), _LEVELS[1] * float(values.max())
     motions = (m.scaled(float(factors[i])) for m, i in zip(conditions.motions, first, strict=True))
-    words = {"level": (f"Level: {problem.measure_in_words}", "")}
+    words = {"level": (f"Level: {MEASURE_NAMES[conditions.intensity]}", "")}
     return {"controls": _controls(own, ranges, _LABELS | words), "grounds": list(map(_encoded, motions))}
 
 
