@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.answers.transient import FREE, MAX_EVENTS
-from tpd.compiled.columns import SLIP, STATUSES
+from tpd.compiled.columns import SLIP
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.trajectories import history
 from tpd.core import checks
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status
+from tpd.scene.status import Status, status_of
 from tpd.theory.no_uplift import Sliding, sliding_in_runs
 
 STRONG = 0.01
@@ -138,7 +138,7 @@ def motion_history(
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     motion = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
-    states, status = motion.states, getattr(Status, STATUSES[motion.status])
+    states, status = motion.states, status_of(np.int32(motion.status))
     # The equations have no meaning after the block has reached the ground.
     if status == Status.overturned:
         # From the first time at which the tilt is no longer below a right angle, all rows are NaN.

@@ -18,15 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.compiled import compiling
-from tpd.compiled.columns import RUN, WIDTH
+from tpd.compiled.columns import WIDTH
 from tpd.compiled.rows import row_of
 from tpd.core import jax_setup
 from tpd.core.batch import PIECE, shared
 from tpd.scene.parameters import Parameters
-
-Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
-"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled`
-module."""
 
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
@@ -64,16 +60,21 @@ def check_width(rows: Any) -> None:
 class Compiled:
     """Entry point to a module with compiled code, which has the attributes `CALL` and `run`."""
 
-    def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
+    def __init__(
+        self, module: str, target: str, of: str, result: str, *operands: np.ndarray, **trial: Any
+    ) -> None:
         """Store the arguments. The module is loaded when it is needed.
 
         Args:
             module: full name of the module.
             target: name of the entry point in XLA programs.
             of: name of the models in warnings.
-            trial: function that returns a trial call, which compares the results of XLA and of Python.
+            result: name of the record of a trial call, which compares the results of XLA and of Python.
+            operands: operands of this call after settings and parameters.
+            trial: settings of this call.
         """
-        self._module, self._target, self._subject, self._trial = module, target, of, trial
+        self._module, self._target, self._subject = module, target, of
+        self._result, self._operands, self._trial = result, operands, trial
         self._lock = Lock()
         self._is_direct: bool | None = None
         self._entry: Any = None
@@ -111,7 +112,8 @@ class Compiled:
         entry, cpu, why = self.entry(), jax_setup.cpu(), "its answer to a trial is wrong"
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
-            shapes, operands = self._trial(self)
+            shapes = (shape(getattr(entry, self._result)),)
+            operands = np.array(self.settings(**self._trial)), row_of(_TRIAL), *self._operands
             # This method may run while JAX traces a program. The trial itself must be computed and not
             # traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
@@ -197,25 +199,12 @@ _TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, r
 """Parameters of the trial calls."""
 
 
-def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """Return the trial call of a run over one forcing period."""
-    settings = np.array(
-        of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0)
-    )
-    return (shape(RUN),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
-
-
-def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """Return the trial call for symmetric orbits, which samples the path of a solution.
-
-    A trial that solves for orbits would not do: it leaves unused fields of the results unset, so that the two
-    results could differ there.
-    """
-    settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
-    return (shape(of.entry().PATH_SAMPLES),), (settings, row_of(_TRIAL), u)
-
-
-RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", _run_trial)
+_OF_RUN = {"task": "SETTLE", "periods": 1.0, "events": 100.0, "rest_rate": 2e-7, "rtol": 1e-8, "linear": 1.0}
+"""Settings of the trial of a run over one forcing period."""
+RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", "RUN", np.zeros(4), np.zeros(2), **_OF_RUN)
 """Compiled code of runs, of the linear equations (25) and of the nonlinear equations (4)."""
-ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
+# This trial samples the path of a solution. A trial that solves for orbits would leave unused fields of the
+# results unset, so that the two results could differ there.
+_U, _ORBIT_NAMES = np.array([0.7, 0.3, 0.0]), ("tpd_symmetric_orbits", "symmetric orbits", "PATH_SAMPLES")
+ORBITS = Compiled("tpd.compiled.orbit_entry", *_ORBIT_NAMES, _U, task="SAMPLE_PATH")
 """Compiled code of the symmetric orbits."""

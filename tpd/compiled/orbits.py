@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.compiled.calling import ORBITS, check_width, parts, shape
-from tpd.compiled.columns import ORBIT_STATUSES
+from tpd.compiled.columns import NO_ORBIT
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
 
@@ -71,7 +71,7 @@ def orbit_slopes(
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
     all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
-    all_orbits["status"] = ORBIT_STATUSES.index("no_orbit")
+    all_orbits["status"] = NO_ORBIT
     _, m = orbits.shape
     all_orbits[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)

@@ -94,7 +94,7 @@ class History(NamedTuple):
     impacts: np.ndarray
     """Records `IMPACT` of all impacts."""
     status: int
-    """Index of the status in `tpd.compiled.columns.STATUSES`."""
+    """Number of the status."""
 
 
 def history(

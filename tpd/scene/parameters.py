@@ -180,14 +180,14 @@ def check_parameters(p: object) -> None:
         checks.instance("p", p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
 
 
-def unchecked(p: Parameters, **changed: Any) -> Parameters:
-    """Return the parameters with some of them replaced, without checks.
+def unchecked(p: Parameters | None, **changed: Any) -> Parameters:
+    """Return the parameters with some of them replaced (all of them if `p` is None), without checks.
 
     The new values may be traced, or numbers with imaginary parts.
     """
     # `__new__` without `__init__` skips the checks, which would reject such values.
     parameters = object.__new__(Parameters)
-    vars(parameters).update(vars(p), **changed)
+    vars(parameters).update({} if p is None else vars(p), **changed)
     return parameters
 
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.impacts import housner
-from tpd.scene.parameters import NAMES, Parameters, unchecked, uniform_inertia_ratio
+from tpd.scene.parameters import NAMES, Parameters, unchecked
 from tpd.scene.scene import (
     Harmonic,
     Pendulum,
@@ -206,11 +205,7 @@ class Setup:
 
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
         """Return the numbers of `at` as a list in the order of NAMES, with rho and e as numbers."""
-        p = self.numbers(varied)
-        rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
-        e = housner(p["nu"], rho, p["mu"]) if p["e"] is None else p["e"]
-        full = {**p, "rho": rho, "e": e}
-        return [full[n] for n in NAMES]
+        return list(unchecked(None, **{"rho": None, **self.numbers(varied)}).numbers)
 
 
 @dataclass(frozen=True)
