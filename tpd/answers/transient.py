@@ -196,17 +196,14 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     else:
         # Traced numbers also need the correct derivatives, or NaN.
         seconds, kept = partial(_seconds, rate), refused
-    times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
-    tilt_time, swing_time, rod_angle_time = xp.moveaxis(times, -1, 0)
+    times = xp.moveaxis(seconds(run.times, sound[..., None] & (has_angle > 0.0)), -1, 0)
+    angles = {"tilt": run.tilt, "swing": run.swing, "rod_angle": run.rod_angle}
+    shown = {n: x if bob or n == "tilt" else xp.zeros_like(x) for n, x in angles.items()}
     # The block lifts before it overturns, so the time of uplift has a derivative in this case as well.
     has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
-        tilt=kept(run.tilt, sound),
-        swing=kept(run.swing if bob else xp.zeros_like(run.swing), sound),
-        rod_angle=kept(run.rod_angle if bob else xp.zeros_like(run.rod_angle), sound),
-        tilt_time=tilt_time,
-        swing_time=swing_time,
-        rod_angle_time=rod_angle_time,
+        **{name: kept(angle, sound) for name, angle in shown.items()},
+        **{f"{name}_time": time for name, time in zip(angles, times, strict=True)},
         impacts=xp.asarray(run.impacts).astype(int),
         uplift_time=seconds(run.uplift_time, has_uplift_slope),
         overturning_time=seconds(run.overturning_time, sound),

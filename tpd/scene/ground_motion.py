@@ -279,8 +279,8 @@ class Pulse(GroundMotion):
             if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
                 allowed = f"a whole number from 1 to {_LONGEST_TRAIN}"
                 raise ValueError(f"`cycles` of a train must be {allowed}, but is {self.cycles}")
-        elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
-            raise ValueError(f"`cycles` must be between 1 and 8, but is {self.cycles:g}")
+        else:
+            checks.within("cycles", self.cycles, 1.0, _MOST_CYCLES)
 
     @classmethod
     def one_sine(cls, *, acceleration: Real, frequency: Real) -> Pulse:

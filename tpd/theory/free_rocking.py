@@ -145,12 +145,8 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this amplitude the weight would do negative work on the way down, and k would be negative.
-    if all(map(checks.is_concrete, (amplitude, twice, tilt))):
-        phi, most = np.broadcast_arrays(amplitude, np.asarray(twice) / np.asarray(tilt))
-        i = np.unravel_index(np.argmax(phi - most), phi.shape)
-        if phi[i] > most[i]:
-            why = "twice the tilt at which the block topples of itself"
-            raise ValueError(f"`amplitude` must be at most {most[i]:g}, {why}, but is {phi[i]:g}")
+    most = "twice the tilt at which the block topples of itself"
+    checks.at_most("amplitude", amplitude, twice / tilt, most)
     loss = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa) ** 2
     return loss * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
