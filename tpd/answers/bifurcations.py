@@ -455,7 +455,7 @@ def _on_orbit(
         name=axis.name,
         value=value,
         error=error,
-        amplitude=path.height,
+        amplitude=float(path.height),
         phase=math.remainder(float(u[1]), 2.0 * math.pi),
         crossing=float(u[0]),
         slopes={n: float(slope) for n, slope in zip(axis.others, slopes, strict=True)},

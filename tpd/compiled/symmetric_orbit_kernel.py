@@ -82,7 +82,8 @@ SAMPLES = np.int64(199)
 """Number of times between the turning points in `sample_path`."""
 _PATH_FIELDS = tuple((name, np.float64) for name in ("height", "leaving", "arriving"))
 PATH_SAMPLES = np.dtype([*_PATH_FIELDS, ("rates", np.float64, (int(SAMPLES),))])
-"""Samples of a path, see `sample_path`."""
+"""Samples of a path: phi at the turning point (`height`), phi'' just after it (`leaving`), -phi'' just before
+the next turning point (`arriving`), and the `rates` between both, see `sample_path`."""
 _MORE = "status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"
 ORBIT = np.dtype(
     [

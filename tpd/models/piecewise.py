@@ -34,10 +34,10 @@ class Compiled(Model):
     """
 
     max_periods: eqx.AbstractVar[int]
-    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
-    """Largest number of steps and events in one forcing period."""
     tolerance: eqx.AbstractVar[float]
     rest_rate: eqx.AbstractVar[float]
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of steps and events in one forcing period."""
     lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
     """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
     not repeat."""
