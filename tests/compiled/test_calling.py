@@ -49,7 +49,7 @@ def test_the_host_computes_if_the_custom_call_is_unavailable(monkeypatch):
         jax.clear_caches()
 
 
-def test_a_custom_call_that_xla_refuses_gives_a_warning(monkeypatch):
+def test_the_host_computes_with_a_warning_if_xla_rejects_the_custom_call(monkeypatch):
     def refuse(*_, **__):
         raise RuntimeError("version 9.3 is incompatible")
 

@@ -160,17 +160,20 @@ class Block:
         if self.base_friction is not None:
             checks.positive("base_friction", self.base_friction, 0.0, LARGEST_COEFFICIENT, every=True)
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
-            most, widest = f"at most {SLENDERNESS_LIMIT:g} of `height`", float(np.max(self.slenderness))
-            why = "or of twice `centroid_height` (the linear model neglects terms of the order of its square)"
-            hint = ": are width and height exchanged?" if widest > 1.0 else ""
-            raise checks.wrong("width", f"{most}, {why}", f"{widest:g} of it{hint}")
+            raise ValueError(
+                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height`, or of twice `centroid_height` "
+                "(the linear model neglects terms of the order of its square), but is "
+                f"{np.max(self.slenderness):g} of it"
+                + (": are width and height exchanged?" if np.any(self.slenderness > 1.0) else "")
+            )
 
     def _check_losses(self) -> None:
         """Check restitution and friction."""
         # The only text that is allowed is "housner": any other text is a misspelling.
         if self.restitution is None or isinstance(self.restitution, str):
             if self.restitution != HOUSNER:
-                raise checks.wrong("restitution", f"a number or {HOUSNER!r}", repr(self.restitution))
+                allowed = f"a number or {HOUSNER!r}"
+                raise ValueError(f"`restitution` must be {allowed}, but is {self.restitution!r}")
         else:
             checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
         checks.not_negative("friction", self.friction, every=True)
@@ -187,8 +190,10 @@ class Block:
         if self.cavity_width is None:
             return
         if self.frame_width is not None:
-            two = f"`cavity_width` must not be stated with {called('frame_width')}"
-            raise ValueError(f"{two}: the bob swings in a cavity or in a frame")
+            other = called("frame_width")
+            raise ValueError(
+                f"`cavity_width` must not be stated with {other}: the bob swings in a cavity or in a frame"
+            )
         checks.positive("cavity_width", self.cavity_width, every=True)
         sizes = self.width, self.cavity_width, self.height, self.mass
         # Traced values cannot be compared, and pass.
@@ -214,8 +219,9 @@ class Block:
     def check_hinge(self, height: Real | None) -> None:
         """Raise `ValueError` if a hinge at a height (m; None for the top) does not fit the block's frame."""
         if self.frame_width is not None and (height is None or np.any(height <= self.height)):
-            top = f"above the top of the block, {np.max(self.height):g} m, in its frame"
-            raise checks.wrong("hinge_height", top, "the top" if height is None else f"{np.min(height):g} m")
+            stated = "the top" if height is None else f"{np.min(height):g} m"
+            top = f"above the top of the block, {np.max(self.height):g} m"
+            raise ValueError(f"{called('hinge_height')} must be {top}, in its frame, but is {stated}")
 
     @property
     def centroid(self) -> Real:

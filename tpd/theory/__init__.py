@@ -10,17 +10,31 @@
 | not in the paper, a pendulum slower than the excitation | `relative_length` | `relative_length` |
 """
 
-from tpd.theory.arc import arc as arc
-from tpd.theory.arc import holding_moment as holding_moment
-from tpd.theory.arc import impact as impact
-from tpd.theory.free_rocking import equivalent_friction as equivalent_friction
-from tpd.theory.free_rocking import free_motion as free_motion
-from tpd.theory.free_rocking import turning_tilts as turning_tilts
-from tpd.theory.harmonic_balance import fold as fold
-from tpd.theory.harmonic_balance import neglected_harmonics as neglected_harmonics
-from tpd.theory.harmonic_balance import one_harmonic as one_harmonic
-from tpd.theory.harmonic_balance import one_harmonic_branches as one_harmonic_branches
-from tpd.theory.harmonic_balance import parametric_branches as parametric_branches
-from tpd.theory.no_uplift import lightest_pendulum as lightest_pendulum
-from tpd.theory.no_uplift import uplift as uplift
-from tpd.theory.relative_length import relative_length as relative_length
+from tpd.theory.arc import arc, holding_moment, impact
+from tpd.theory.free_rocking import equivalent_friction, free_motion, turning_tilts
+from tpd.theory.harmonic_balance import (
+    fold,
+    neglected_harmonics,
+    one_harmonic,
+    one_harmonic_branches,
+    parametric_branches,
+)
+from tpd.theory.no_uplift import lightest_pendulum, uplift
+from tpd.theory.relative_length import relative_length
+
+__all__ = [
+    "arc",
+    "equivalent_friction",
+    "fold",
+    "free_motion",
+    "holding_moment",
+    "impact",
+    "lightest_pendulum",
+    "neglected_harmonics",
+    "one_harmonic",
+    "one_harmonic_branches",
+    "parametric_branches",
+    "relative_length",
+    "turning_tilts",
+    "uplift",
+]
