@@ -15,7 +15,7 @@ from tpd.design.problem import STATED, Problem, Words
 from tpd.design.refine import refine
 from tpd.scene.conditions import Conditions
 from tpd.scene.ensemble import Ensemble
-from tpd.scene.status import index_of
+from tpd.scene.status import Status
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -62,7 +62,7 @@ def outcomes(tilt, swing=0.0, peak=1.0, equations: str = "nonlinear", design=RAT
     return Runs(
         equations=Terms(equations),
         seed=seed,
-        outcome=np.array([index_of(name) for name in status]),
+        outcome=np.array([Status.__names__.index(name) for name in status]),
         **dict(zip(ANGLES, angles, strict=True)),
         **{name: np.full(len(tilt), x) for name, x in inputs.items()},
     )

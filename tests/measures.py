@@ -33,8 +33,8 @@ INTERNAL = re.compile(r"(numba\.(core|np|_\w+)|jax\._src|jaxlib|matplotlib\._\w+
 PUBLIC = {"_replace", "_asdict", "_make", "_fields", "_value_"}
 """Names with an underscore that Python documents, of named tuples and enumerations."""
 CEILINGS = {
-    "code lines": 19990,
-    "characters of code": 1005500,
+    "code lines": 19820,
+    "characters of code": 999800,
     "lines of tests": 28500,
     "lines of benchmarks": 4310,
     "modules": 181,

@@ -15,7 +15,7 @@ from tests.reference import NAMES, EventDriven, differences
 from tests.truth import GRAVITY, load
 from tpd.answers.critical_scale import _scanned, follow_motion
 from tpd.answers.run_table import follow_scaled
-from tpd.answers.transient import _follow
+from tpd.answers.transient import accuracy_of
 from tpd.compiled.rows import ground_row_of
 
 TABLE = load("ground")
@@ -371,7 +371,6 @@ def test_a_block_that_begins_beyond_the_toppling_angle_overturns_at_once():
 
 
 def test_a_model_without_transients_is_rejected_in_one_sentence():
-    scene = tpd.Scene(COLUMN, sine(2.0))
     # A checker of types refuses these before this, where there is one.
     for model, words in (
         (tpd.Auto(), "Piecewise or Nonlinear, but is Auto"),
@@ -379,7 +378,7 @@ def test_a_model_without_transients_is_rejected_in_one_sentence():
         (tpd.Nonlinear, "the class itself"),
     ):
         with pytest.raises(ValueError, match=words):
-            _follow(model, scene.ground_parameters(), None, 0.0, None, 1)
+            accuracy_of(model)
 
 
 def test_an_excitation_of_the_wrong_kind_is_rejected_in_one_sentence():

@@ -19,9 +19,10 @@ from tests.reference import (
 )
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
-from tpd.compiled import columns, steady
+from tpd.compiled import columns
 from tpd.models.base import scale_of
 from tpd.scene.parameters import as_arrays
+from tpd.scene.status import names_of
 
 ROWS = [r for r in load("harmonic") if r["what"] == "settled"]
 REPELLING = next(r for r in load("harmonic") if r["name"] == "repelling")
@@ -48,9 +49,7 @@ def verdict(residual=0.0, multiplier=0.5, to_fold=0.5, transversality=1.0, outco
     """Verdict by the rules of compiled code and of JAX; by default on a motion that repeats."""
     flags = {"neutral": False, "small": False, "damped": True, "finite": True} | state
     numbers = outcome, residual, multiplier, to_fold, transversality, *flags.values()
-    codes = {int(columns.verdict_with(where)(*numbers)) for where in (jnp.where, steady._select.py_func)}
-    (code,) = codes
-    return columns.STATUSES[code]
+    return str(names_of(columns.verdict(*numbers)))
 
 
 LOSSES = [

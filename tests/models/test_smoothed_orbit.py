@@ -12,7 +12,7 @@ from tpd.compiled.simulate import Run, SteadyNumbers
 from tpd.models.base import scale_of
 from tpd.models.smoothed_orbit import LONGEST, History, _compare, implicit, multipliers, refine, settle
 from tpd.scene.parameters import as_arrays, from_row
-from tpd.scene.status import index_of, names_of
+from tpd.scene.status import names_of
 
 CASE = WITH[0]
 P = as_arrays(parameters(CASE.x))
@@ -93,7 +93,7 @@ def refined(x):
     """Return the orbit of the smoothed model from the rough end of a short motion."""
     p = from_row(packed(parameters(x).numbers))
     model = Smoothed(tolerance=1e-3, max_periods=60, cycle_rtol=1e-11)
-    return refine(p, model, model.settle(p, jnp.zeros(4)), index_of("rocking"))
+    return refine(p, model, model.settle(p, jnp.zeros(4)), Status.__names__.index("rocking"))
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,8 @@ def test_a_bob_without_mass_does_not_contribute_multipliers():
 
 def compared(answer, exact):
     """Name of the status, and relative error, of two motions (status, amplitude): smoothed and exact."""
-    of, other = ((index_of(name), jnp.asarray(amplitude)) for name, amplitude in (answer, exact))
+    pairs = (answer, exact)
+    of, other = ((Status.__names__.index(name), jnp.asarray(amplitude)) for name, amplitude in pairs)
     none = jnp.zeros(())
     judged = SteadyNumbers(of[1], none, of[0], 1, none, False, none, jnp.zeros(4), 0)
     status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])

@@ -78,9 +78,7 @@ class Auto(eqx.Module):
             ValueError: traced or batched parameters, because the selection needs known numbers.
         """
         if not all(checks.is_concrete(x) and np.ndim(x) == 0 for x in jax.tree.leaves(p)):
-            raise ValueError(
-                "`Auto` chooses by numbers: `p` must hold plain numbers, but is traced or batched"
-            )
+            raise ValueError("`Auto` chooses by numbers: `p` must be plain numbers, but is traced or batched")
         fixed, limit = as_arrays(p), f"the tolerance {self.tolerance:g}"
         # The first model: the block never lifts. The reserve must exceed the share of the terms that the
         # closed form neglects.

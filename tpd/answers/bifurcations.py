@@ -204,8 +204,6 @@ class Bifurcation(Printed):
     """Phase xi tau of the forcing at the upper turn, rad, in (-pi, pi]."""
     crossing: float
     """Dimensionless time from the upper turn to the crossing of phi = 0."""
-    touching: float = math.nan
-    """Dimensionless time from the upper turn to the contact, for grazing only."""
     below: str = ""
     """Name of the status of the orbit just below `value`. At a fold it is rocking if one of the two orbits
     is."""
@@ -387,27 +385,19 @@ def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
     for guess in guesses:
         point = _newton(search, kind, guess, gap)
         if point is not None:
-            return _on_orbit(search, kind, point)
+            return _on_orbit(search, kind, *point)
     return None
 
 
-class _Point(NamedTuple):
-    """Solution of the system of equations of a bifurcation."""
+def _newton(
+    search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap
+) -> tuple[np.ndarray, float, float, np.ndarray] | None:
+    """Solve for u and the value by Newton's method; None if it does not converge nearby.
 
-    u: np.ndarray
-    """Crossing time and phase (t, gamma), and the time of contact s for grazing."""
-    value: float
-    """Value of the varying parameter."""
-    x: np.ndarray
-    """All parameters there, in the order of `tpd.scene.parameters.NAMES`."""
-    last_step: float
-    """Last Newton step of `value`."""
-    slopes: np.ndarray
-    """Derivatives of `value` with respect to each of `axis.others`."""
-
-
-def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point | None:
-    """Solve for u and the value by Newton's method; None if it does not converge nearby."""
+    Returns:
+        Crossing time and phase (t, gamma), with the time of contact s for grazing; the value; its last Newton
+        step; and its derivatives with respect to each of `axis.others`.
+    """
     u, m, value, last, rows = guess, len(guess), gap.value, math.inf, _ROWS[kind]
     low, high = search.window(kind, gap)
     for _ in range(40):
@@ -432,8 +422,7 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
         # Converged to rounding: the steps are below 1e-9 and no longer decrease.
         if last < 1e-15 or (before < 1e-9 and last >= before):
             near = max(abs(u[0] - gap.t) / span, abs(u[1] - gap.gamma)) <= _MOST_DISTANCE
-            (x,) = search.axis.at(np.array([value]))
-            point = _Point(u, value, x, abs(float(step[m])), solved[m, 1:])
+            point = u, value, abs(float(step[m])), solved[m, 1:]
             return point if last <= 1e-9 and near and low < value < high else None
     return None
 
@@ -447,13 +436,15 @@ _ROWS = {
 """Entries of `vanishing` that are zero at a bifurcation of each kind."""
 
 
-def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
-    """Return the bifurcation at a point; None if the signs along its path are not those of an orbit."""
-    u, x, axis = point.u, point.x, search.axis
-    path = sample_path(u[:2], x)
-    touching = float(u[2]) if kind is Kind.grazing else math.nan
+def _on_orbit(
+    search: _Search, kind: Kind, u: np.ndarray, value: float, error: float, slopes: np.ndarray
+) -> Bifurcation | None:
+    """Return the bifurcation at a point, see `_newton`; None if the signs along its path are not those of an
+    orbit."""
+    axis = search.axis
+    (x,) = axis.at(np.array([value]))
     # Crossing and contact must lie within the half period.
-    times = [t for t in (u[0], touching) if not math.isnan(t)]
+    path, times = sample_path(u[:2], x), [u[0], *u[2:]]
     # The quantity that vanishes at this point is zero except for rounding, so its sign is not checked.
     highest = float(path.rates.max()) - 1e-9 * x[XI] * path.height * (kind is Kind.grazing)
     falling = max(highest, -1.0 if kind is Kind.sticking else path.leaving, path.arriving) < 0
@@ -462,13 +453,12 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     return Bifurcation(
         kind=kind,
         name=axis.name,
-        value=point.value,
-        error=point.last_step,
-        amplitude=path.height,
+        value=value,
+        error=error,
+        amplitude=float(path.height),
         phase=math.remainder(float(u[1]), 2.0 * math.pi),
         crossing=float(u[0]),
-        touching=touching,
-        slopes={n: float(slope) for n, slope in zip(axis.others, point.slopes, strict=True)},
+        slopes={n: float(slope) for n, slope in zip(axis.others, slopes, strict=True)},
     )
 
 
@@ -496,29 +486,20 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     change = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
     sides = (_neighbours(search, b, b.value + side * away, max(change, 1)) for side in (-1.0, 1.0))
     # The first distance at which both sides agree with the kind of the bifurcation confirms it.
-    for below, above in zip(*sides, strict=True):
-        more = below.near - above.near
-        if abs(more) == change and (change or below.margin * above.margin < 0):
+    for (near, below, margin), (other, above, its_margin) in zip(*sides, strict=True):
+        more = near - other
+        if abs(more) == change and (change or margin * its_margin < 0):
             none = status_name(Status.no_orbit)
-            names = none if more < 0 else below.status, none if more > 0 else above.status
-            return replace(b, below=names[0], above=names[1])
+            return replace(b, below=none if more < 0 else below, above=none if more > 0 else above)
     reason = f"a {b.kind.value.replace('_', ' ')} was located, but the orbits on both sides do not show it"
     return replace(b, kind=Kind.unresolved, reason=reason)
 
 
-class _Neighbour(NamedTuple):
-    """Orbits at a value next to a bifurcation."""
-
-    near: int
-    """Number of orbits near the bifurcation."""
-    status: str
-    """Status of the closest orbit, or rocking if one of several requested orbits has this status."""
-    margin: float
-    """det(I + G) of the closest orbit."""
-
-
-def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: int) -> list[_Neighbour]:
-    """Return the orbits near a bifurcation at other values; `several` is the number of requested orbits."""
+def _neighbours(
+    search: _Search, b: Bifurcation, values: np.ndarray, several: int
+) -> list[tuple[int, str, float]]:
+    """Return for other values how many orbits are near a bifurcation, and status and det(I + G) of the
+    closest one. The status is rocking if one of the `several` closest orbits has this status."""
     values = np.clip(values, search.low, search.high)
     orbits, names = orbits_at(search.axis, values)
     symmetry = np.asarray(orbits.margins.symmetry)
@@ -531,5 +512,5 @@ def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: in
     for i, order in enumerate(np.argsort(apart, axis=1)):
         close, rocking = [str(names[i, j]) for j in order[:several]], status_name(Status.rocking)
         status = rocking if rocking in close else close[0]
-        out.append(_Neighbour(int(np.isfinite(apart[i]).sum()), status, float(symmetry[i, order[0]])))
+        out.append((int(np.isfinite(apart[i]).sum()), status, float(symmetry[i, order[0]])))
     return out

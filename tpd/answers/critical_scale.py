@@ -24,10 +24,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from tpd.answers.run_table import Runs, follow_runs
-from tpd.answers.transient import FREE, accuracy_of, unknown_in
+from tpd.answers.transient import FREE, accuracy_of
 from tpd.compiled import simulate
 from tpd.compiled.columns import F
-from tpd.compiled.derivatives import refused
+from tpd.compiled.derivatives import refused, unknown_in
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks

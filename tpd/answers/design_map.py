@@ -165,25 +165,20 @@ def design_map(
     designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
     expected = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), expected)
+    margin, reach = map(np.asarray, uplift(designs))
     with count_for(progress, "mapping") as report:
-        answer = _answers(designs, y0, report)
-    answer["status"] = names_of(answer["status"])
+        # The progress is that of the longer part: of the followed motions, if there are any.
+        orbits = all_symmetric_orbits(designs, progress=report if y0 is None else None)
+        if y0 is None:
+            # Without an initial state no motion is followed.
+            answer = _largest(orbits, margin, reach)
+        else:
+            answer = _followed(designs, orbits, reach, y0, report)
+    answer["status"], overflow = names_of(answer["status"]), np.asarray(orbits.overflow)
+    answer |= {"margin": margin, "overflow": overflow}
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
     return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
-
-
-def _answers(designs: Parameters, y0: np.ndarray | None, progress: Any = None) -> dict[str, np.ndarray]:
-    """Return the fields of `DesignMap` as flat arrays, with the codes of the statuses."""
-    still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
-    # The progress is that of the longer part: of the followed motions, if there are any.
-    orbits = all_symmetric_orbits(designs, progress=progress if y0 is None else None)
-    if y0 is None:
-        # Without an initial state no motion is followed.
-        answer = _largest(orbits, still["margin"], still["swing"])
-    else:
-        answer = _followed(designs, orbits, still["swing"], y0, {"progress": progress})
-    return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 
 def line_of(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
@@ -232,11 +227,11 @@ def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str,
 
 
 def _followed(
-    p: Parameters, orbits: Orbits, reach: np.ndarray, y0: np.ndarray, options: dict[str, Any]
+    p: Parameters, orbits: Orbits, reach: np.ndarray, y0: np.ndarray, progress: Any
 ) -> dict[str, np.ndarray]:
     """Return the answers from an initial state: the angles of the orbit reached, or of the motion itself."""
     n = len(np.asarray(p.nu))
-    run = follow(Terms.linear, row_of(p), HarmonicForcing(), y0=np.tile(y0, (n, 1)), **options)
+    run = follow(Terms.linear, row_of(p), HarmonicForcing(), y0=np.tile(y0, (n, 1)), progress=progress)
     codes = np.asarray(code_of(run.status))
     # An undamped bob swings for ever, and its swing depends on how the block came to rest. A damped bob has
     # the steady swing of the closed form.

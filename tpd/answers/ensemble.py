@@ -114,8 +114,6 @@ def outcomes(
         (0.0, 0.055)
     """
     checks.require_x64()
-    if workers is not None:
-        checks.count("workers", workers)
     checks.one_of("equations", equations, (Terms.linear.value, Terms.nonlinear.value))
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble

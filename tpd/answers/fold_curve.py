@@ -200,19 +200,6 @@ class _Point(NamedTuple):
         return self._replace(tangent=-self.tangent)
 
 
-class _Equations(NamedTuple):
-    """Equations of the fold and their derivatives."""
-
-    values: np.ndarray
-    """Values, shape (3,)."""
-    by_z: np.ndarray
-    """Derivatives in the unknowns, shape (3, 4)."""
-    by_x: np.ndarray
-    """Derivatives in the parameters, shape (3, 10)."""
-    x: np.ndarray
-    """Parameters, shape (10,)."""
-
-
 class _Folds(NamedTuple):
     """Equations of the fold in crossing time, phase and two numbers of a setup."""
 
@@ -235,14 +222,15 @@ class _Folds(NamedTuple):
         middle = setup.vector(dict(zip(lines, 0.5 * (low + high), strict=True)))
         return _Folds(setup, tuple(lines), low, high, np.array([np.pi / middle[XI], 1.0, *(high - low)]))
 
-    def at(self, z: np.ndarray) -> _Equations:
-        """Evaluate the equations."""
+    def at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the values of the equations, shape (3,), their derivatives in the unknowns and in the
+        parameters, shapes (3, 4) and (3, 10), and the parameters."""
         numbers: dict[str, Any] = dict(zip(self.names, z[2:], strict=True))
         # Complex-step differentiation, as in `tpd.scene.quantities.Axis.jacobian`.
         rows = [self.setup.vector({**numbers, n: complex(v, _TINY)}) for n, v in numbers.items()]
         x, x_by = np.real(rows[0]), np.imag(rows).T / _TINY
         values, by_u, by_x = (part[_EQUATIONS] for part in vanishing(np.append(z[:2], 1.0), x))
-        return _Equations(values, np.hstack([by_u[:, :2], by_x @ x_by]), by_x, x)
+        return values, np.hstack([by_u[:, :2], by_x @ x_by]), by_x, x
 
     def solved(self, z: np.ndarray, normal: np.ndarray | None = None) -> np.ndarray | None:
         """Return the fold near z by Newton's method; None if it does not converge nearby.
@@ -251,8 +239,8 @@ class _Folds(NamedTuple):
         shortest one to the linearised curve.
         """
         for _ in range(_MOST_STEPS):
-            at = self.at(z)
-            system, wanted = at.by_z * self.scale, -at.values
+            values, by_z, _, _ = self.at(z)
+            system, wanted = by_z * self.scale, -values
             if normal is not None:
                 system, wanted = np.vstack([system, normal]), np.append(wanted, 0.0)
             # Lengths and frequencies must be positive, also in a step beyond the end of a range.
@@ -267,24 +255,24 @@ class _Folds(NamedTuple):
 
     def point(self, z: np.ndarray, before: _Point | None = None) -> _Point:
         """Return the fold at a solution, with directions that continue those of the point before."""
-        at = self.at(z)
-        by_u = at.by_z[:, :2]
-        tangent, (columns, _, rows) = np.linalg.svd(at.by_z * self.scale)[2][-1], np.linalg.svd(by_u[:2])
+        _, by_z, by_x, x = self.at(z)
+        by_u = by_z[:, :2]
+        tangent, (columns, _, rows) = np.linalg.svd(by_z * self.scale)[2][-1], np.linalg.svd(by_u[:2])
         # The last column combines both equations of the orbit in such a way that they do not depend on
         # crossing time and phase, to first order. To second order they are a square, whose sign is that of
         # the product, and the orbits are lost where the change by the parameters has the same sign.
         combined = columns[:, 1] * np.sign(np.linalg.det(columns) * np.linalg.det(rows) * (by_u[2] @ rows[1]))
-        combined = combined / np.abs(combined @ at.by_x[:2, F])
+        combined = combined / np.abs(combined @ by_x[:2, F])
         merging = rows[1]
         # The signs of singular vectors are arbitrary. They must not change along the curve.
         if before is not None:
             tangent = tangent * np.sign(tangent @ before.tangent)
             merging = merging * np.sign(merging @ before.merging)
         # A solution of the equations is an orbit only if the block moves down all the way to its next turn.
-        path, half = sample_path(z[:2], at.x), np.pi / at.x[XI]
+        path, half = sample_path(z[:2], x), np.pi / x[XI]
         falling = max(float(path.rates.max()), path.leaving, path.arriving) < 0.0
         amplitude = path.height if falling and path.height > 0.0 and 0.0 < z[0] < half else math.nan
-        slopes = combined @ at.by_z[:2, 2:], combined @ at.by_x[:2]
+        slopes = combined @ by_z[:2, 2:], combined @ by_x[:2]
         return _Point(z, tangent, merging, float(by_u[2] @ merging), amplitude, *slopes)
 
     def ahead(self, point: _Point, step: float) -> _Point | None:

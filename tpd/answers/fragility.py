@@ -264,8 +264,7 @@ def fragility(
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases, times = cases_of(pendulum), 2 if nonlinear else 1
     # The tables need neither the swing nor the final state, so the runs can end early.
-    options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
-    options |= {"workers": workers}
+    options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True, "workers": workers}
 
     # The nonlinear runs follow the exact ones, so progress continues from one to the other.
     def shifted(n: int, report: Progress | None = progress) -> Progress | None:

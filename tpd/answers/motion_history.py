@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.answers.transient import FREE, MAX_EVENTS
-from tpd.compiled.columns import SLIP, STATUSES
+from tpd.compiled.columns import SLIP
 from tpd.compiled.rows import ground_row_of
 from tpd.compiled.trajectories import history
 from tpd.core import checks
@@ -137,8 +137,7 @@ def motion_history(
     # The motion is followed until the last of the times, even if the free motion would end earlier.
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
-    motion = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
-    states, status = motion.states, getattr(Status, STATUSES[motion.status])
+    states, impacts, status = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
     # The equations have no meaning after the block has reached the ground.
     if status == Status.overturned:
         # From the first time at which the tilt is no longer below a right angle, all rows are NaN.
@@ -162,7 +161,7 @@ def motion_history(
         None if pendulum is None else states["swing"],
         mass * (base - z * up) + across,
         (mass + m) * lifting,
-        np.stack([motion.impacts["time"] / rate, motion.impacts["rate"] * rate], axis=1),
+        np.stack([impacts["time"] / rate, impacts["rate"] * rate], axis=1),
         states["kind"] == SLIP,
         status,
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),

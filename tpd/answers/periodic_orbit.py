@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from tpd.compiled.calling import RUNS, parts, shape
 from tpd.compiled.columns import NO_ORBIT, NOT_SETTLED, STEADY, WIDTH
-from tpd.compiled.derivatives import with_slopes
+from tpd.compiled.derivatives import unknown_in, with_slopes
 from tpd.compiled.rows import packed, row_of
 from tpd.compiled.simulate import EVENTS, REST_RATES, accuracy
 from tpd.core import checks
@@ -122,15 +122,13 @@ def periodic_orbit(
     call, row = (RUNS.on_host, settings) if is_plain else (RUNS, packed(map(stop_gradient, settings)))
     (record,) = call((shape(STEADY),), row, *inputs[:2])
     fields = parts(record, STEADY)
-    # Slopes are real numbers, so complex numbers are divided into their two parts.
-    numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])
+    # Complex numbers are divided into their two parts.
+    numbers, both, fold = jnp.asarray(record[:_SIZES]), jnp.asarray(fields.multipliers), fields.fold
     # If the parameters are a NumPy array, JAX does not differentiate with respect to them.
     if not isinstance(x, np.ndarray):
-        unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
-        numbers = with_slopes(x, numbers, jnp.concatenate([fields.by, unknown]))
-    amplitude, swing, *state = numbers[:_SIZES]
-    # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
-    *both, fold = numbers[_SIZES:]
+        numbers, unknown = with_slopes(x, numbers, fields.by), unknown_in(x)
+        both, fold = both + unknown, fold + unknown
+    amplitude, swing, *state = numbers
     # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
     code = jnp.asarray(fields.status, dtype=jnp.int32)
     return PeriodicOrbit(
@@ -140,6 +138,6 @@ def periodic_orbit(
         state=jnp.stack(state),
         periods=jnp.asarray(fields.periods, dtype=int),
         symmetric=jnp.asarray(fields.symmetric != 0.0),
-        multipliers=jax.lax.complex(jnp.stack(both[::2]), jnp.stack(both[1::2])),
-        fold=fold,
+        multipliers=jax.lax.complex(both[..., 0], both[..., 1]),
+        fold=jnp.asarray(fold),
     )

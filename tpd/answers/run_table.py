@@ -295,29 +295,18 @@ def follow_runs(
         workers: number of threads; all cores by default.
         progress: function that is called with (number of finished runs, number of all runs).
     """
-    if workers is not None:
-        checks.count("workers", workers)
     checks.function("progress", progress)
-    settings = {"y0": y0, "workers": workers, "progress": progress}
-    results = _results(equations, rows, forcing, events=events, rtol=rtol, brief=brief, **settings)
-    n = len(rows)
-    recorded = {"condition": condition, "growth": growth, "disturbed": disturbed}
-    inputs = {name: np.broadcast_to(x, n) for name, x in recorded.items()}
-    # Slenderness and pendulum may scatter, so that the table records them for each run.
-    design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM]}
-    return Runs(equations=equations, seed=seed, **inputs, **design, **results)
-
-
-def _results(
-    equations: Terms, rows: np.ndarray, forcing: HarmonicForcing | GroundForcing, **settings: Any
-) -> dict[str, np.ndarray]:
-    """Return the results of runs by the names of the fields of `Runs`; see `tpd.compiled.simulate.follow`."""
-    run = simulate.follow(equations, rows, forcing, **settings)
+    settings: dict[str, Any] = {"y0": y0, "workers": workers, "progress": progress, "rtol": rtol}
+    run = simulate.follow(equations, rows, forcing, events=events, brief=brief, **settings)
     outcome = code_of(run.status)
     unanswered = is_one_of(outcome, *UNANSWERED)
     # Overturned runs have infinite angles. Runs without a result have NaN, see `Runs`.
     numbers = {n: np.where(unanswered, np.nan, getattr(run, n)) for n in (*ANGLES, "impacts")}
-    return numbers | {"outcome": outcome.astype(np.int8)}
+    recorded = {"condition": condition, "growth": growth, "disturbed": disturbed}
+    inputs = {name: np.broadcast_to(x, len(rows)) for name, x in recorded.items()}
+    # Slenderness and pendulum may scatter, so that the table records them for each run.
+    design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM], "outcome": outcome.astype(np.int8)}
+    return Runs(equations=equations, seed=seed, **inputs, **design, **numbers)
 
 
 def forcing_of(motions: Sequence[GroundMotion], free: Any, which: Any = 0) -> GroundForcing:
@@ -357,8 +346,6 @@ def follow_scaled(
     Raises:
         ValueError: a shape that does not fit, or a number out of range.
     """
-    for i, motion in enumerate(motions):
-        checks.instance(f"motions[{i}]", motion, GroundMotion)
     if len(factors) != len(motions) or not len(motions):
         expected = f"a row for each of {len(motions)} motions"
         raise ValueError(f"`factors` must have {expected}, but has {factors.shape}")

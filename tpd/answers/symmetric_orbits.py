@@ -20,14 +20,14 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.compiled.calling import ORBITS as ENGINE
 from tpd.compiled.calling import parts
-from tpd.compiled.columns import ASKED, ORBIT_STATUSES, SIZES, WIDTH
+from tpd.compiled.columns import ASKED, SIZES, WIDTH
 from tpd.compiled.derivatives import moved, once
 from tpd.compiled.orbits import slopes, solve_orbits, solved
 from tpd.compiled.rows import row_of
 from tpd.core.batch import AT_ONCE
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
-from tpd.scene.status import Status, codes_of, status_of
+from tpd.scene.status import Status, status_of
 
 ORBITS = 3
 """Largest number of orbits of a design."""
@@ -176,15 +176,13 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 def _fields(numbers: Any) -> dict[str, Any]:
     """Return the fields of `Orbits` and `Margins` by name, from the numbers of orbits (..., 3, numbers)."""
     orbits = parts(numbers, ENGINE.entry().ORBIT)
-    # Compiled code has its own numbers of statuses, which are indices of `index`.
-    index, codes = codes_of(ORBIT_STATUSES), orbits.status.astype(int)
     # With strict types JAX adds no real number to a complex one.
     pairs = orbits.multipliers.astype(complex)
     return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {
         "multipliers": pairs[..., 0] + 1j * pairs[..., 1],
         "sticking": orbits.sticking,
         "grazing": orbits.grazing,
-        "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
+        "status": orbits.status.astype(np.int32),
         "overflow": orbits.overflow[..., 0] > 0.0,
     }
 

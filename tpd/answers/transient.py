@@ -14,15 +14,14 @@ from jax.lax import stop_gradient
 from jaxtyping import Float, Int
 
 from tpd.compiled.columns import GRAZING, WIDTH
-from tpd.compiled.derivatives import refused, with_slopes
+from tpd.compiled.derivatives import refused, unknown_in
 from tpd.compiled.rows import ground_row_of
-from tpd.compiled.simulate import GroundForcing, Run, follow
+from tpd.compiled.simulate import GroundForcing, follow
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
 from tpd.models.base import Model
 from tpd.models.piecewise import Nonlinear, Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
-from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import STANDING, Status, code_of, is_one_of, status_name, status_of
@@ -149,7 +148,7 @@ def transient(
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.instance("excitation", scene.excitation, GroundMotion, ": harmonics are for `tpd.steady_state`")
-    model = Piecewise() if model is None else model
+    chosen: Any = Piecewise() if model is None else model
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     max_events = checks.count("max_events", max_events, most=1_000_000)
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
@@ -160,7 +159,11 @@ def transient(
     # Rates are per unit tau in compiled code, and per second for the user.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
     pieces = xp.asarray(scene.excitation.pieces())
-    run = _follow(model, p, stop_gradient(pieces), free * rate, start / speeds, max_events)
+    limits: dict[str, Any] = {"events": max_events, **accuracy_of(chosen)}
+    # The height of the hinge is the last parameter, and is known unless it is differentiated.
+    limits["parameters"] = WIDTH - 1 if checks.is_concrete(p.kappa) else WIDTH
+    forcing = GroundForcing([stop_gradient(pieces)], free * rate)
+    run = follow(chosen.equations, ground_row_of(p), forcing, y0=start / speeds, **limits)
     if checks.is_traced(pieces):
         run = run._replace(**{name: getattr(run, name) + unknown_in(pieces) for name in _DEPENDING})
     return _answer(run, rate, speeds, bob, xp)
@@ -168,11 +171,6 @@ def transient(
 
 _DEPENDING = "tilt", "swing", "rod_angle", "times", "uplift_time", "overturning_time", "state"
 """Results of a run that have derivatives."""
-
-
-def unknown_in(pieces: Any) -> Any:
-    """Return zero, whose derivatives in the shape of a ground motion, its `pieces`, are NaN."""
-    return with_slopes(pieces.ravel(), jnp.zeros(()), jnp.full(pieces.size, jnp.nan))
 
 
 def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
@@ -196,17 +194,14 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     else:
         # Traced numbers also need the correct derivatives, or NaN.
         seconds, kept = partial(_seconds, rate), refused
-    times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
-    tilt_time, swing_time, rod_angle_time = xp.moveaxis(times, -1, 0)
+    times = xp.moveaxis(seconds(run.times, sound[..., None] & (has_angle > 0.0)), -1, 0)
+    angles = {"tilt": run.tilt, "swing": run.swing, "rod_angle": run.rod_angle}
+    shown = {n: x if bob or n == "tilt" else xp.zeros_like(x) for n, x in angles.items()}
     # The block lifts before it overturns, so the time of uplift has a derivative in this case as well.
     has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
-        tilt=kept(run.tilt, sound),
-        swing=kept(run.swing if bob else xp.zeros_like(run.swing), sound),
-        rod_angle=kept(run.rod_angle if bob else xp.zeros_like(run.rod_angle), sound),
-        tilt_time=tilt_time,
-        swing_time=swing_time,
-        rod_angle_time=rod_angle_time,
+        **{name: kept(angle, sound) for name, angle in shown.items()},
+        **{f"{name}_time": time for name, time in zip(angles, times, strict=True)},
         impacts=xp.asarray(run.impacts).astype(int),
         uplift_time=seconds(run.uplift_time, has_uplift_slope),
         overturning_time=seconds(run.overturning_time, sound),
@@ -248,16 +243,3 @@ def accuracy_of(model: Any) -> dict[str, Any]:
     checks.instance("model", model, (Piecewise, Nonlinear))
     # Only `Nonlinear` has settings here. The exact solution has its own rate of rest under a ground motion.
     return {"rtol": model.rtol, "rest_rate": model.rest_rate} if isinstance(model, Nonlinear) else {}
-
-
-def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Run:
-    """Follow the motion of a model.
-
-    Raises:
-        ValueError: the model cannot follow a ground motion.
-    """
-    limits: dict[str, Any] = {"events": most, **accuracy_of(model)}
-    # The height of the hinge is the last parameter, and is known unless it is differentiated.
-    limits["parameters"] = WIDTH - 1 if checks.is_concrete(p.kappa) else WIDTH
-    row, forcing = ground_row_of(p), GroundForcing([pieces], free)
-    return follow(model.equations, row, forcing, y0=start, **limits)

@@ -18,15 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.compiled import compiling
-from tpd.compiled.columns import RUN, WIDTH
-from tpd.compiled.rows import row_of
+from tpd.compiled.columns import WIDTH
 from tpd.core import jax_setup
 from tpd.core.batch import PIECE, shared
-from tpd.scene.parameters import Parameters
-
-Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
-"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled`
-module."""
 
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
@@ -64,16 +58,12 @@ def check_width(rows: Any) -> None:
 class Compiled:
     """Entry point to a module with compiled code, which has the attributes `CALL` and `run`."""
 
-    def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
-        """Store the arguments. The module is loaded when it is needed.
+    def __init__(self, module: str, target: str) -> None:
+        """Store the full name of the module, and the name of its entry point in XLA programs.
 
-        Args:
-            module: full name of the module.
-            target: name of the entry point in XLA programs.
-            of: name of the models in warnings.
-            trial: function that returns a trial call, which compares the results of XLA and of Python.
+        The module is loaded when it is needed.
         """
-        self._module, self._target, self._subject, self._trial = module, target, of, trial
+        self._module, self._target = module, target
         self._lock = Lock()
         self._is_direct: bool | None = None
         self._entry: Any = None
@@ -99,34 +89,21 @@ class Compiled:
         return row
 
     def is_direct(self) -> bool:
-        """Whether XLA can call the code directly, which a trial call shows the first time."""
+        """Whether XLA can call the code directly. The first call asks XLA, and warns if it cannot."""
         # The lock prevents two threads from registering the entry point at the same time.
         with self._lock:
             if self._is_direct is None:
-                self._is_direct = self._check_direct_call()
+                address, self._is_direct = self.entry().CALL.address, True
+                # Without a CPU device JAX can neither call the code nor call Python.
+                jax_setup.cpu()
+                try:
+                    # XLA refuses code for a version of its interface that it does not support.
+                    jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(address), platform="cpu")
+                except Exception as error:
+                    self._is_direct, why = False, f"{type(error).__name__}: {error}"
+                    slow = "It calls the code through Python, which is slower"
+                    warnings.warn(f"JAX cannot call {self._target} directly ({why}). {slow}", stacklevel=2)
             return self._is_direct
-
-    def _check_direct_call(self) -> bool:
-        """Compare the results of a trial call through XLA with the results of the same call from Python."""
-        entry, cpu, why = self.entry(), jax_setup.cpu(), "its answer to a trial is wrong"
-        try:
-            jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
-            shapes, operands = self._trial(self)
-            # This method may run while JAX traces a program. The trial itself must be computed and not
-            # traced.
-            with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
-                answer = jax.ffi.ffi_call(self._target, shapes)(*operands)
-            reference = self.on_host(shapes, *operands)
-            agrees = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(answer, reference, strict=True))
-        except Exception as error:
-            agrees, why = False, f"{type(error).__name__}: {error}"
-        if not agrees:
-            warnings.warn(
-                f"JAX cannot call the compiled code of {self._subject} directly ({why}). It calls the code "
-                "through Python, which is slower",
-                stacklevel=2,
-            )
-        return agrees
 
     def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
         """Compute the results in this process, for operands that are NumPy arrays.
@@ -193,29 +170,7 @@ class Compiled:
         return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
 
 
-_TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
-"""Parameters of the trial calls."""
-
-
-def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """Return the trial call of a run over one forcing period."""
-    settings = np.array(
-        of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8, linear=1.0)
-    )
-    return (shape(RUN),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
-
-
-def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """Return the trial call for symmetric orbits, which samples the path of a solution.
-
-    A trial that solves for orbits would not do: it leaves unused fields of the results unset, so that the two
-    results could differ there.
-    """
-    settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
-    return (shape(of.entry().PATH_SAMPLES),), (settings, row_of(_TRIAL), u)
-
-
-RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs", "runs", _run_trial)
+RUNS = Compiled("tpd.compiled.run_entry", "tpd_runs")
 """Compiled code of runs, of the linear equations (25) and of the nonlinear equations (4)."""
-ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
+ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits")
 """Compiled code of the symmetric orbits."""

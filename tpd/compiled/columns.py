@@ -7,11 +7,11 @@ define near which points an orbit loses its derivatives, and which orbits neithe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from tpd.scene.impacts import select
 from tpd.scene.parameters import NAMES
 
 SLIP, STICK, REST = range(3)
@@ -26,16 +26,9 @@ K, F, XI, RHO, E, KAPPA = map(NAMES.index, ("k", "f", "xi", "rho", "e", "kappa")
 """Columns of the parameters in a row."""
 WIDTH = len(NAMES)
 """Number of parameters."""
-ORBIT_STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
-"""Names of the statuses of symmetric orbits, by their numbers in compiled code."""
-STATUSES = (
-    *("rocking", "sticking", "rest", "held", "overturned", "aperiodic", "not_settled", "unstable"),
-    *("neutral", "near_fold", "grazing", "event_bound", "failed", "no_orbit", "stood", "rocked"),
-)
-"""Names of the statuses in compiled code. Their numbers are those of `tpd.scene.status`."""
 ROCKING, STICKING, AT_REST, HELD, OVERTURNED, APERIODIC_STATUS, NOT_SETTLED, UNSTABLE = range(8)
 NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS, EVENT_BOUND, FAILED, NO_ORBIT, STOOD, ROCKED = range(8, 16)
-"""Numbers of these statuses."""
+"""Numbers of the statuses in compiled code, which are those of `tpd.scene.status`."""
 RUN = np.dtype(
     [
         *((name, np.float64) for name in ("tilt", "settled_tilt", "swing", "settled_swing", "rod_angle")),
@@ -109,51 +102,45 @@ def is_neutral(k: Any, e: Any, mu: Any, zeta: Any, largest: Any) -> Any:
     return (conserves & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)
 
 
-def verdict_with(where: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function that decides the status of a steady state.
+def verdict(
+    outcome: Any,
+    residual: Any,
+    multiplier: Any,
+    to_fold: Any,
+    transversality: Any,
+    neutral: Any,
+    small: Any,
+    damped: Any,
+    finite: Any,
+) -> Any:
+    """Return the number of the status of a steady state, from the run and from Newton's method.
 
-    Compiled code and JAX have the same rules, but another function `where(condition, a, b)`.
+    Compiled code and JAX have the same rules.
+
+    Args:
+        outcome: status at the end of the run.
+        residual: residual of the orbit.
+        multiplier: modulus of the largest multiplier.
+        to_fold: distance of the nearest multiplier from 1.
+        transversality: smallest transversality of all events.
+        neutral: whether the orbit neither attracts nor repels.
+        small: whether the model cannot distinguish the motion from rest.
+        damped: whether the hinge has damping.
+        finite: whether the state is finite.
     """
-
-    def verdict(
-        outcome: Any,
-        residual: Any,
-        multiplier: Any,
-        to_fold: Any,
-        transversality: Any,
-        neutral: Any,
-        small: Any,
-        damped: Any,
-        finite: Any,
-    ) -> Any:
-        """Return the number of a status, from the run and from Newton's method.
-
-        Args:
-            outcome: status at the end of the run.
-            residual: residual of the orbit.
-            multiplier: modulus of the largest multiplier.
-            to_fold: distance of the nearest multiplier from 1.
-            transversality: smallest transversality of all events.
-            neutral: whether the orbit neither attracts nor repels.
-            small: whether the model cannot distinguish the motion from rest.
-            damped: whether the hinge has damping.
-            finite: whether the state is finite.
-        """
-        # The statements are in increasing order of priority: each one overrules those above it. Stability
-        # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
-        moving = (outcome == ROCKING) | (outcome == STICKING)
-        status = where(moving & (multiplier > 1.0), UNSTABLE, outcome)
-        status = where(moving & neutral, NEUTRAL, status)
-        status = where(moving & (transversality < GRAZING), GRAZING_STATUS, status)
-        status = where(moving & (to_fold < 2.0 * NEAR_FOLD), NEAR_FOLD_STATUS, status)
-        status = where(residual < RESIDUAL, status, where(moving, NOT_SETTLED, status))
-        status = where(moving & small, AT_REST, status)
-        # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
-        # simulated, unless it has more events or solver steps than allowed.
-        stopped = where((outcome == AT_REST) & damped, EVENT_BOUND, status)
-        status = where(residual < math.inf, status, stopped)
-        # Without a finite derivative of the period map the stability is unknown.
-        status = where(multiplier < math.inf, status, where(status == UNSTABLE, FAILED, status))
-        return where(finite | (status == OVERTURNED), status, FAILED)
-
-    return verdict
+    # The statements are in increasing order of priority: each one overrules those above it. Stability comes
+    # first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
+    moving = (outcome == ROCKING) | (outcome == STICKING)
+    status = select(moving & (multiplier > 1.0), UNSTABLE, outcome)
+    status = select(moving & neutral, NEUTRAL, status)
+    status = select(moving & (transversality < GRAZING), GRAZING_STATUS, status)
+    status = select(moving & (to_fold < 2.0 * NEAR_FOLD), NEAR_FOLD_STATUS, status)
+    status = select(residual < RESIDUAL, status, select(moving, NOT_SETTLED, status))
+    status = select(moving & small, AT_REST, status)
+    # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
+    # simulated, unless it has more events or solver steps than allowed.
+    stopped = select((outcome == AT_REST) & damped, EVENT_BOUND, status)
+    status = select(residual < math.inf, status, stopped)
+    # Without a finite derivative of the period map the stability is unknown.
+    status = select(multiplier < math.inf, status, select(status == UNSTABLE, FAILED, status))
+    return select(finite | (status == OVERTURNED), status, FAILED)

@@ -49,6 +49,11 @@ def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     return value, moved(slopes, direction, p)
 
 
+def unknown_in(point: Any) -> Any:
+    """Return zero, whose derivatives in the numbers of an array are NaN."""
+    return with_slopes(point.ravel(), jnp.zeros(()), jnp.full(point.size, jnp.nan))
+
+
 def moved(
     slopes: Float[Array | np.ndarray, "*shape n"],
     direction: Float[Array | np.ndarray, "n"],

@@ -29,15 +29,9 @@ is 0."""
 
 
 @compiled
-def steady(cubics):
-    """Return a harmonic forcing of full size. `cubics` has no rows."""
-    return Forcing(YES, 1.0, 0.0, FIRST_PIECE, cubics)
-
-
-@compiled
 def harmonic():
     """Return a harmonic forcing of full size."""
-    return steady(np.empty((0, 4)))
+    return Forcing(YES, 1.0, 0.0, FIRST_PIECE, np.empty((0, 4)))
 
 
 @compiled

@@ -9,19 +9,16 @@ little earlier or later, and meanwhile it moves with the rates of the other side
 
 from __future__ import annotations
 
-import inspect
 import math
-
-from numba.extending import register_jitable
 
 from tpd.compiled import columns
 from tpd.compiled.columns import SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 from tpd.compiled.contact import impact
 from tpd.compiled.half_period_kernel import Instant, state_at
-from tpd.compiled.plant import compiled
+from tpd.compiled.plant import compiled, shared
 
-is_neutral = register_jitable(inspect.unwrap(columns.is_neutral))
-"""`columns.is_neutral` for compiled code, without the type checks of the tests."""
+is_neutral = shared(columns.is_neutral)
+"""`columns.is_neutral`, which compiled code can call."""
 
 
 @compiled

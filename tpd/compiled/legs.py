@@ -90,20 +90,17 @@ def _plant(r, j):
 
 
 @compiled
-def _plant_along(x, j, linear, row, q):
-    """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
-    for i in range(WIDTH):
-        row[i] = complex(x[i], STEP if i == j else 0.0)
-    coefficients(row, complex(linear, 0.0), q)
-
-
-@compiled
 def fill_plants(x, count, linear, r):
     """Fill the complex plants of a reader: one for each of the first parameters, and the last for all other
-    directions."""
-    for j in range(count):
-        _plant_along(x, j, linear, r.row, r.plants[j])
-    _plant_along(x, STATE, linear, r.row, r.plants[STATE])
+    directions.
+
+    The imaginary parts of a plant are `STEP` times the derivatives in its parameter.
+    """
+    for n in range(count + 1):
+        j = n if n < count else STATE
+        for i in range(WIDTH):
+            r.row[i] = complex(x[i], STEP if i == j else 0.0)
+        coefficients(r.row, complex(linear, 0.0), r.plants[j])
 
 
 @compiled

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.compiled.calling import ORBITS, check_width, parts, shape
-from tpd.compiled.columns import ORBIT_STATUSES
+from tpd.compiled.columns import NO_ORBIT
 from tpd.core import checks
 from tpd.scene.parameters import NAMES
 
@@ -71,7 +71,7 @@ def orbit_slopes(
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
     all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
-    all_orbits["status"] = ORBIT_STATUSES.index("no_orbit")
+    all_orbits["status"] = NO_ORBIT
     _, m = orbits.shape
     all_orbits[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
@@ -122,26 +122,12 @@ def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
     return Vanishing(values, by[:, :3], by[:, 3:])
 
 
-class PathSamples(NamedTuple):
-    """Samples along the path of a solution (t, gamma) between its turning points.
+def sample_path(u: np.ndarray, x: np.ndarray) -> Any:
+    """Return samples along the path of the solution u = (t, gamma) with the parameters `x`.
 
-    The solution is an orbit if `height` is positive and all other numbers are negative.
+    The attributes of the result are those of `tpd.compiled.symmetric_orbit_kernel.PATH_SAMPLES`. The solution
+    is an orbit if `height` is positive and all other numbers are negative.
     """
-
-    height: float
-    """phi at the turning point (rad)."""
-    leaving: float
-    """phi'' just after the turning point."""
-    arriving: float
-    """-phi'' just before the next turning point."""
-    rates: np.ndarray
-    """phi' at equal time steps between both, shape (199,). Without friction minus the distance of phi from
-    zero."""
-
-
-def sample_path(u: np.ndarray, x: np.ndarray) -> PathSamples:
-    """Return samples along the path of the solution u = (t, gamma) with the parameters `x`."""
     record = ORBITS.entry().PATH_SAMPLES
     (out,) = ORBITS.on_host((shape(record),), _settings("SAMPLE_PATH"), x, np.append(u, 0.0))
-    fields = parts(out, record)
-    return PathSamples(float(fields.height), float(fields.leaving), float(fields.arriving), fields.rates)
+    return parts(out, record)

@@ -183,48 +183,21 @@ def _mode(s, m11, m12, m21, m22, c1, c2, up):
 
 
 @compiled
-def _multiply(ar, ai, br, bi):
-    """Return the product of two numbers that are given by their real and imaginary parts.
-
-    These parts may be complex themselves, for derivatives.
-    """
-    return ar * br - ai * bi, ar * bi + ai * br
-
-
-@compiled
-def _divide(ar, ai, br, bi):
-    """Return the quotient of two numbers that are given by their real and imaginary parts."""
-    size = br * br + bi * bi
-    return (ar * br + ai * bi) / size, (ai * br - ar * bi) / size
-
-
-@compiled
-def _solve_2x2(matrix, r1r, r1i, r2r, r2i):
-    """Return the solution of a 2 x 2 system whose numbers are given by their real and imaginary parts."""
-    ar, ai, br, bi, cr, ci, dr, di = matrix
-    adr, adi = _multiply(ar, ai, dr, di)
-    bcr, bci = _multiply(br, bi, cr, ci)
-    nr, ni = adr - bcr, adi - bci
-    d1r, d1i = _multiply(dr, di, r1r, r1i)
-    b2r, b2i = _multiply(br, bi, r2r, r2i)
-    a2r, a2i = _multiply(ar, ai, r2r, r2i)
-    c1r, c1i = _multiply(cr, ci, r1r, r1i)
-    first, second = _divide(d1r - b2r, d1i - b2i, nr, ni), _divide(a2r - c1r, a2i - c1i, nr, ni)
-    return *first, *second
-
-
-@compiled
 def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
     """Return the harmonic responses H(i xi) of tilt and bob.
 
     With P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r.
     """
     # The imaginary unit of the frequency differs from that of the derivatives. Therefore the frequency
-    # response is computed with pairs of numbers.
-    x2, zero = xi * xi, 0.0 * xi
+    # response is computed with pairs of numbers: `p1` and `p2` are the imaginary parts of both rows of P.
+    x2, p1, p2, r1 = xi * xi, xi * c1, xi * c2, -f * up
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
-    matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
-    return _solve_2x2(matrix, -f * up, zero, f, zero)
+    # The determinant of P, and by Cramer's rule the products of it with both responses.
+    real, imaginary = a * d - p1 * p2 - (b * c - p1 * p2), a * p2 + p1 * d - (-b * p2 - p1 * c)
+    tilt, tilt_i, bob, bob_i = d * r1 - b * f, p2 * r1 + p1 * f, a * f - c * r1, p1 * f + p2 * r1
+    size = real * real + imaginary * imaginary
+    tilts = (tilt * real + tilt_i * imaginary) / size, (tilt_i * real - tilt * imaginary) / size
+    return *tilts, (bob * real + bob_i * imaginary) / size, (bob_i * real - bob * imaginary) / size
 
 
 @compiled

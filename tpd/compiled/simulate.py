@@ -228,79 +228,63 @@ def follow(
     is_batch = np.ndim(rows) > 1 or np.ndim(y0) > 1
     # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
     if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
-        batch = _Batch.of(rows, y0, workers, progress)
+        starts, wide = _batch_of(rows, y0)
         if isinstance(forcing, GroundForcing):
-            records = _run_under_motions(batch, forcing, limits | {"brief": brief})
+            table, places = _table_of(forcing)
+            limits |= {"task": RUNS.entry().GROUND, "brief": brief, **places}
         else:
-            records = _run_under_harmonic(batch, forcing, limits)
-        runs = run_of(records)
+            table = _times_of(forcing, wide)
+            limits |= {"task": RUNS.entry().SETTLE}
+        # Settings are numbers or arrays (n,).
+        settings: Any = np.zeros(len(wide), RUNS.entry().SETTINGS)
+        for name, value in limits.items():
+            settings[name] = value
+        results = np.zeros(len(wide), RUN)
+        RUNS.in_threads(len(wide), workers, progress, settings, wide, starts, table, results)
+        runs = run_of(results)
         return runs if is_batch else jax.tree.map(lambda x: x[0, ...], runs)
     # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
     if isinstance(forcing, GroundForcing):
         return _trace_ground_run(rows, start, forcing, limits, parameters)
-    settings, times = packed(RUNS.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
-    (out,) = RUNS((shape(RUN),), settings, stop_gradient(rows), stop_gradient(start), times)
+    row, times = packed(RUNS.settings("SETTLE", **limits)), packed((forcing.begin, forcing.ramp))
+    (out,) = RUNS((shape(RUN),), row, stop_gradient(rows), stop_gradient(start), times)
     return run_of(out)
 
 
-class _Batch(NamedTuple):
-    """Initial states (n, 4) and parameters (n, 10) of runs, and how the runs are shared among threads."""
-
-    starts: np.ndarray
-    rows: np.ndarray
-    workers: int | None
-    progress: Callable[[int, int], None] | None
-
-    @staticmethod
-    def of(rows: Any, y0: Any, workers: int | None, progress: Any) -> _Batch:
-        """Return the batch of `rows` and initial states `y0`, and repeat a single row."""
-        rows = np.atleast_2d(rows)
-        starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C", ndmin=2)
-        n, width = len(starts), len(NAMES)
-        if n == 0 or starts.shape != (n, 4) or rows.shape not in ((1, width), (n, width)):
-            shapes = f"{rows.shape} and {starts.shape}"
-            raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
-        wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
-        return _Batch(starts, wide, workers, progress)
-
-    def computed(self, task: str, table: np.ndarray, /, **limits: Any) -> np.ndarray:
-        """Return the records `RUN` of all runs.
-
-        `table` holds the further operand of the runs: times or pieces. Settings are numbers or arrays (n,).
-        """
-        entry, n = RUNS.entry(), len(self.rows)
-        settings: Any = np.zeros(n, entry.SETTINGS)
-        for name, value in {"task": getattr(entry, task), **limits}.items():
-            settings[name] = value
-        results = np.zeros(n, RUN)
-        RUNS.in_threads(n, self.workers, self.progress, settings, self.rows, self.starts, table, results)
-        return results
+def _batch_of(rows: Any, y0: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the initial states (n, 4) and the parameters (n, 10) of a batch. A single row is repeated."""
+    rows = np.atleast_2d(rows)
+    starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C", ndmin=2)
+    n, width = len(starts), len(NAMES)
+    if n == 0 or starts.shape != (n, 4) or rows.shape not in ((1, width), (n, width)):
+        shapes = f"{rows.shape} and {starts.shape}"
+        raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
+    return starts, np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
 
 
-def _run_under_harmonic(batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]) -> np.ndarray:
-    """Simulate a batch of runs under a harmonic."""
-    n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
+def _times_of(forcing: HarmonicForcing, rows: np.ndarray) -> np.ndarray:
+    """Return the beginnings and the ramps of runs, shape (n, 2)."""
+    n, operands = len(rows), (forcing.begin, forcing.ramp)
     if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
         raise ValueError(f"`begin` and `ramp` must have shape ({n},), but have {shapes}")
     times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in operands], axis=1)
     begins, ramps = times.T
-    late = (begins < 0.0) | (begins * batch.rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
+    late = (begins < 0.0) | (begins * rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
-    return batch.computed("SETTLE", times, **limits)
+    return times
 
 
-def _run_under_motions(batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> np.ndarray:
-    """Simulate a batch of runs under ground motions."""
+def _table_of(forcing: GroundForcing) -> tuple[np.ndarray, dict[str, Any]]:
+    """Return the pieces of all ground motions in one table, and the settings of the runs that refer to it."""
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
-    # All ground motions are stored in one array. Each run has the row of its first piece.
+    # Each run has the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     # The equations contain minus the acceleration of the base.
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
-    places = {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
-    return batch.computed("GROUND", pieces, **places, **limits)
+    return pieces, {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
 
 
 def _trace_ground_run(

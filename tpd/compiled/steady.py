@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from tpd.compiled import repetition, series
+from tpd.compiled import columns, repetition, series
 from tpd.compiled.columns import (
     APERIODIC,
     APERIODIC_STATUS,
@@ -32,7 +32,6 @@ from tpd.compiled.columns import (
     TILT,
     UNSTABLE,
     WIDTH,
-    verdict_with,
 )
 from tpd.compiled.contact import start_mode
 from tpd.compiled.follow import BEYOND, EXHAUSTED, set_scales
@@ -99,13 +98,7 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
     return log_growth / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
 
 
-@compiled
-def _select(condition, a, b):
-    """Return one of two numbers."""
-    return a if condition else b
-
-
-verdict = compiled(verdict_with(_select))
+verdict = compiled(columns.verdict)
 """The verdict on a steady state in compiled code."""
 
 

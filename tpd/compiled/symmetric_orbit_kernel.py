@@ -24,9 +24,13 @@ from tpd.compiled.columns import (
     CROSSED,
     FLAT,
     GRAZING,
+    GRAZING_STATUS,
     MERGED,
     NEAR_FOLD,
-    ORBIT_STATUSES,
+    NEAR_FOLD_STATUS,
+    NEUTRAL,
+    NO_ORBIT,
+    ROCKING,
     SIZES,
     SLIP,
     STUCK,
@@ -37,6 +41,7 @@ from tpd.compiled.columns import (
     TILT_RATE,
     TOUCHED,
     TURNING,
+    UNSTABLE,
     WIDTH,
 )
 from tpd.compiled.follow import first_event
@@ -64,7 +69,6 @@ from tpd.compiled.plant import COMPLEX_PLANT, NONE, ONLY, PLANT, STEP, compiled,
 
 ORBITS: Any = np.int64(3)
 """Largest number of orbits of a design."""
-_ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZING_STATUS, _NO_ORBIT = range(len(ORBIT_STATUSES))
 _AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _REMAINING, _STATE = places(9)
 NUMBERS: Any = np.int64(SIZES["state"].stop)
 """Number of sizes with derivatives."""
@@ -78,7 +82,8 @@ SAMPLES = np.int64(199)
 """Number of times between the turning points in `sample_path`."""
 _PATH_FIELDS = tuple((name, np.float64) for name in ("height", "leaving", "arriving"))
 PATH_SAMPLES = np.dtype([*_PATH_FIELDS, ("rates", np.float64, (int(SAMPLES),))])
-"""Samples of a path, see `sample_path`."""
+"""Samples of a path: phi at the turning point (`height`), phi'' just after it (`leaving`), -phi'' just before
+the next turning point (`arriving`), and the `rates` between both, see `sample_path`."""
 _MORE = "status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"
 ORBIT = np.dtype(
     [
@@ -91,7 +96,7 @@ ORBIT = np.dtype(
 `grazing`, which have no derivatives; psi and psi' at the upper turning point (`bob`, `bob_rate`); the time
 after it at which |psi| is largest (`peak`); and whether the design may have more orbits (`overflow`)."""
 _NONE = np.full(1, np.nan, "f8").repeat(ORBIT.itemsize // 8).view(ORBIT)
-_NONE["status"] = _NO_ORBIT
+_NONE["status"] = NO_ORBIT
 WORK = np.dtype(
     [
         ("plant", PLANT),
@@ -131,12 +136,12 @@ def _status(q, largest, nearest, grazing):
         grazing: grazing margin.
     """
     if nearest < NEAR_FOLD:
-        return _NEAR_FOLD
+        return NEAR_FOLD_STATUS
     if grazing < GRAZING:
-        return _GRAZING_STATUS
+        return GRAZING_STATUS
     if is_neutral(q.k, q.e, q.mu, q.zeta, largest):
-        return _NEUTRAL
-    return _ROCKING if largest < 1.0 else _UNSTABLE
+        return NEUTRAL
+    return ROCKING if largest < 1.0 else UNSTABLE
 
 
 @compiled
@@ -319,7 +324,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
     q, sizes, any_has = work.complex_plant, work.sizes, False
     slopes[:] = math.nan
     for i in range(ORBITS):
-        any_has = any_has or orbits[i].status <= _NEUTRAL
+        any_has = any_has or orbits[i].status <= NEUTRAL
     for j in range(len(directions) if any_has else 0):
         for k in range(len(x)):
             work.x[k] = complex(x[k], STEP * directions[j, k])
@@ -327,7 +332,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
         m = half(q)
         for i in range(ORBITS):
             orbit = orbits[i]
-            if orbit.status > _NEUTRAL:
+            if orbit.status > NEUTRAL:
                 continue
             t, gamma = complex(orbit.sizes[_CROSSING], 0.0), complex(orbit.sizes[_PHASE], 0.0)
             # Implicit function theorem: solve for the derivatives of t and gamma.

@@ -6,7 +6,7 @@ The compiled code runs on the CPU (`tpd.compiled.calling`) and computes its own 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -86,23 +86,13 @@ def trajectory(
     return ys, statuses_of(code)
 
 
-class History(NamedTuple):
-    """States and impacts of a run under a ground motion."""
-
-    states: np.ndarray
-    """Records `MOMENT` at the requested times. They are NaN after the end of a run that failed."""
-    impacts: np.ndarray
-    """Records `IMPACT` of all impacts."""
-    status: int
-    """Index of the status in `tpd.compiled.columns.STATUSES`."""
-
-
 def history(
     row: np.ndarray, y0: np.ndarray, pieces: np.ndarray, times: np.ndarray, *, free: float, events: int
-) -> History:
-    """Simulate a run through a ground motion, and return its states and impacts.
+) -> tuple[np.ndarray, np.ndarray, Status]:
+    """Simulate a run through a ground motion, and return its states, its impacts and its status.
 
-    The run passes through all pieces and then moves freely.
+    The run passes through all pieces and then moves freely. The states are records `MOMENT` at the requested
+    times, NaN after the end of a run that failed, and the impacts are records `IMPACT`.
 
     Args:
         row: parameters (10,).
@@ -121,4 +111,4 @@ def history(
     # The equations contain minus the acceleration of the base.
     operands = row, y0, np.ascontiguousarray(-pieces), times
     RUNS.entry().run(0, 1, np.array(settings), *operands, states, impacts, status)
-    return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))
+    return states, impacts[np.isfinite(impacts["time"])], statuses_of(status[0])

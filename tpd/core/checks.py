@@ -118,7 +118,7 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
     if value.dtype.kind not in _REAL:
         return value
     if single and value.size != 1:
-        raise ValueError(f"{called(name)} must be a single number, but is {quote(value)}")
+        raise wrong(name, "a single number", quote(value))
     if is_traced(value) or (is_jax(value) and not single):
         array = value if value.dtype == np.float64 else value.astype(float)
         return array.reshape(()) if single and array.ndim else array
@@ -136,9 +136,7 @@ def _check_meaning(name: str, value: Any) -> None:
         # These are the usual types, and they have neither a unit nor a mask.
         return
     elif np.ma.is_masked(value):
-        raise ValueError(
-            f"{called(name)} must have no masked elements, but is {quote(value)}: remove or fill them"
-        )
+        raise wrong(name, "no masked elements", f"{quote(value)}: remove or fill them", "have")
     elif any(hasattr(value, of) for of in ("__array__", "__float__")):
         # Quantities of astropy, unyt and pint, columns of pandas, and arrays of xarray have one of these
         # attributes.
@@ -146,9 +144,8 @@ def _check_meaning(name: str, value: Any) -> None:
         units = [getattr(x, of) for x in owners for of in ("unit", "units", "magnitude") if hasattr(x, of)]
         units += [attributes[of] for of in ("unit", "units") if of in attributes]
         if units:
-            wrong = f"{called(name)} must be plain numbers, but is {quote(value)} with the unit '{units[0]}'"
             remedy = "convert it to the unit that the documentation states, and pass its value"
-            raise ValueError(f"{wrong}: {remedy}")
+            raise wrong(name, "plain numbers", f"{quote(value)} with the unit '{units[0]}': {remedy}")
 
 
 def quote(value: object) -> str:
@@ -159,6 +156,11 @@ def quote(value: object) -> str:
     if isinstance(value, list):
         text = f"[{', '.join(map(quote, value))}]"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def wrong(name: str, allowed: str, actual: str, be: str = "be") -> ValueError:
+    """Return the error for an argument that must `be` something allowed, but is something else."""
+    return ValueError(f"{called(name)} must {be} {allowed}, but is {actual}")
 
 
 def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "") -> Any:
@@ -176,9 +178,8 @@ def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "")
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):
-        allowed = f"an object of {names}, `{value.__name__}(...)`"
-        raise ValueError(f"{called(name)} must be {allowed}, but is the class itself")
-    raise ValueError(f"{called(name)} must be a {names}, but is {quote(value)}{hint}")
+        raise wrong(name, f"an object of {names}, `{value.__name__}(...)`", "the class itself")
+    raise wrong(name, f"a {names}", quote(value) + hint)
 
 
 def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
@@ -190,7 +191,7 @@ def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
 def function(name: str, value: object, *, optional: bool = True) -> None:
     """Raise `ValueError` unless `value` is a function, or None if `optional` is set."""
     if not (callable(value) or (optional and value is None)):
-        raise ValueError(f"{called(name)} must be a function, but is {quote(value)}")
+        raise wrong(name, "a function", quote(value))
 
 
 def keywords(subject: Subject) -> Subject:
@@ -216,7 +217,7 @@ def keywords(subject: Subject) -> Subject:
 def flag(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is True or False."""
     if not isinstance(value, (bool, np.bool_)):
-        raise ValueError(f"{called(name)} must be True or False, but is {quote(value)}")
+        raise wrong(name, "True or False", quote(value))
 
 
 def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
@@ -247,7 +248,7 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
     except (TypeError, ValueError, OverflowError):
         # The errors of JAX about traced values are subclasses of TypeError.
         pass
-    raise ValueError(f"{called(name)} must be {of}, all finite, but is {quote(value)}")
+    raise wrong(name, f"{of}, all finite", quote(value))
 
 
 def increasing(name: str, value: object, least: int = 2) -> Any:
@@ -258,7 +259,7 @@ def increasing(name: str, value: object, least: int = 2) -> Any:
     of = f"a vector of {least} or more increasing numbers"
     vector = array(name, value, (-1,), of)
     if len(vector) < least or (is_concrete(vector) and not np.all(np.diff(vector) > 0.0)):
-        raise ValueError(f"{called(name)} must be {of}, but is {quote(vector)}")
+        raise wrong(name, of, quote(vector))
     return vector
 
 
@@ -288,10 +289,9 @@ def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any], 
         return value
     numbers = np.asarray(value) if is_concrete(value) else np.asarray(None)
     if numbers.dtype.kind not in _REAL:
-        raise ValueError(f"{called(name)} must be a number, but is {quote(value)}")
+        raise wrong(name, "a number", quote(value))
     if not (numbers.size and np.all(np.isfinite(numbers)) and np.all(holds(numbers))):
-        text = f"{value:g}" if isinstance(value, float) else quote(numbers)
-        raise ValueError(f"{called(name)} must be {allowed}, but is {text}")
+        raise wrong(name, allowed, f"{value:g}" if isinstance(value, float) else quote(numbers))
     return value
 
 
@@ -394,14 +394,14 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
     if np.any(beyond):
         first = tuple(np.argwhere(beyond)[0])
         actual, limit = pair_of(float(values[first]), float(bounds[first]), 6)
-        raise ValueError(f"{called(name)} must be at most {limit}, {of}, but is {actual}")
+        raise wrong(name, f"at most {limit}, {of}", actual)
 
 
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
     """Raise `ValueError` unless `value` is one of the allowed words."""
     if not isinstance(value, str) or value not in allowed:
         close = meant(value, allowed, listing=False)
-        raise ValueError(f"{called(name)} must be one of {', '.join(allowed)}, but is {quote(value)}{close}")
+        raise wrong(name, f"one of {', '.join(allowed)}", quote(value) + close)
 
 
 def interval(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
@@ -413,10 +413,9 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
     except (TypeError, ValueError, KeyError):
         lo = hi = None
     if not (type(lo) is float and type(hi) is float):
-        raise ValueError(f"{called(name)} must be a pair of numbers (low, high), but is {quote(value)}")
+        raise wrong(name, "a pair of numbers (low, high)", quote(value))
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
-        allowed = f"an interval low < high within {low:g} to {high:g}"
-        raise ValueError(f"{called(name)} must be {allowed}, but is {lo:g} to {hi:g}")
+        raise wrong(name, f"an interval low < high within {low:g} to {high:g}", f"{lo:g} to {hi:g}")
     return lo, hi
 
 

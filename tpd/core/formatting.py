@@ -64,9 +64,9 @@ def per_cent(share: float, digits: int = 0) -> str:
     return f"{round(100.0 * share, digits) + 0.0:.{digits}f}"
 
 
-def ends(low: float, high: float, digits: int = 0, word: str = "to") -> str:
+def ends(low: float, high: float, digits: int = 0) -> str:
     """Format the ends of an interval of shares in per cent, such as "22 to 28 %"."""
-    return f"{per_cent(low, digits)} {word} {percent(high, digits)}"
+    return f"{per_cent(low, digits)} to {percent(high, digits)}"
 
 
 def interval(value: float, low: float, high: float, digits: int = 0) -> str:

@@ -43,9 +43,9 @@ _PAIRS = 16_384
 BACK_OFF = 1e-5
 """Share of every limit that a search leaves unused. A descent may exceed its constraints by this much, by
 rounding or where a limit has no derivative, and the design still keeps the limit itself."""
-_KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `MOTION_KINDS` for each status of an orbit, see `tpd.compiled.columns`. The best motion has the
-smallest index."""
+_KIND_OF = np.repeat([ROCKING, UNSTABLE, NEAR, NONE], [1, 8, 2, 3])
+"""Index into `MOTION_KINDS` for each number of a status, see `tpd.compiled.columns`; an orbit has some of the
+statuses. The best motion has the smallest index."""
 _DESIGN = {"mass": MU, "length": LAM, "damping": ZETA}
 """Columns of the parameters of a design, by the names of their factors in conditions."""
 _RESERVE = ("fold", "symmetry", "torus")

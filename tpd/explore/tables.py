@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.compiled.columns import ORBIT_STATUSES, SIZES
+from tpd.compiled.columns import NEUTRAL, ROCKING, SIZES, UNSTABLE
 from tpd.compiled.orbits import solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.scene.parameters import Parameters
@@ -25,8 +25,7 @@ SAFETY = 2.0
 """Factor on the error that the second differences of the nodes estimate."""
 _LEAST_DISTANCE = 0.4
 """Least distance of a node from a value that is made a node, in shares of the distance between nodes."""
-_STABLE = ORBIT_STATUSES.index("rocking")
-_OTHERS = [ORBIT_STATUSES.index(name) for name in ("unstable", "neutral")]
+_OTHERS = UNSTABLE, NEUTRAL
 
 
 class GridAxis(NamedTuple):
@@ -116,7 +115,7 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
     # fold count as none: their stability is not known.
     # The linear model has orbits also beyond the toppling tilt, where no block rocks.
     largest = sizes[..., SIZES["amplitude"]] / nu
-    attracts, repels = (np.isin(status, kinds) & (largest < 1.0) for kinds in (_STABLE, _OTHERS))
+    attracts, repels = (np.isin(status, kinds) & (largest < 1.0) for kinds in (ROCKING, _OTHERS))
     fields = {
         "tilt": _first(largest, attracts).reshape(shape),
         "swing": _first(sizes[..., SIZES["swing"]], attracts).reshape(shape),

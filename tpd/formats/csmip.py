@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -73,15 +72,15 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     dt = real(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
     peak = text.match(18, _PEAK, "the peak acceleration")
     _headers(cursor, _V2_INTEGERS, _V2_REALS)
-    values, data = _block(cursor, "accel", count, dt)
-    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[data.unit], "the unit in m/s^2")
-    agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=data.digit)
+    values, own, digit = _block(cursor, "accel", count, dt)
+    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[own], "the unit in m/s^2")
+    agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(18))
     for kind in ("veloc", "displ"):
         # Velocities and displacements are not used, but a file that is damaged here is not reliable.
         _block(cursor, kind, count, dt)
     cursor.match(_END, "the end of the channel")
-    return Channel(values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event)
+    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event)
 
 
 def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
@@ -90,25 +89,24 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     component, event, name = _words(text, at=7)
     stated = text.match(11, _POINTS, "points and length")
     _headers(cursor, _V1_INTEGERS, _V1_REALS)
-    count, dt, data = _read_description(cursor)
+    count, dt, own, (columns, width, digit) = _read_description(cursor)
     agree_on_count(int(stated[1]), count, text.where(11))
     length = Decimal.of(stated[2])
     # For n samples some files state n steps, and others n - 1 steps.
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
-    values = cursor.fixed(count, data.columns, data.width, "samples")
+    values = cursor.fixed(count, columns, width, "samples")
     peak = text.match(12, _UNIT_AND_PEAK, "the unit, the peak and its time")
     for stated_unit in (peak[1], peak[3]):
-        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[data.unit], "the unit in m/s^2")
-    agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
+        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[own], "the unit in m/s^2")
+    agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
-    return Channel(
-        values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event, (UNCORRECTED,)
-    )
+    factor, notes = factor_of(own, unit), (UNCORRECTED,)
+    return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)
 
 
-def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
-    """Return number and step of the samples of a Volume 1, and the other statements of the line above
+def _read_description(cursor: Cursor) -> tuple[int, float, str, tuple[int, int, float]]:
+    """Return number, step, unit and format (as `fortran`) of the samples of a Volume 1 from the line above
     them."""
     if "points" not in cursor.peek().lower():
         film = "A film that was digitised at unequal times has no such line: use its Volume 2"
@@ -125,19 +123,7 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     # Digitised films have a fixed format of columns, which the line does not state.
     shape = fortran(line, cursor.at) if match[2] else (8, 9, 1e-6)
     step = 1.0 / rate_or_step if match[2] else rate_or_step
-    return int(match[1]), step, _Description(unit_of(match[3] or match[5], cursor.at), *shape)
-
-
-@dataclass(frozen=True)
-class _Description:
-    """Statements about samples in the line above them."""
-
-    unit: str
-    """Unit of acceleration; that of velocities and displacements as it is written."""
-    columns: int
-    width: int
-    digit: float
-    """Size of the last digit of a sample."""
+    return int(match[1]), step, unit_of(match[3] or match[5], cursor.at), shape
 
 
 def _words(text: Header, at: int) -> tuple[str, str, str]:
@@ -160,8 +146,9 @@ def _headers(cursor: Cursor, integers: int, reals: int) -> None:
                 raise UnreadableRecord(f"{wrong}, but is {quote(line)}")
 
 
-def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Description]:
-    """Return the numbers of one block of a Volume 2, and the statements of the line above them."""
+def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, str, float]:
+    """Return the numbers of one block of a Volume 2, their unit (as it is written, except for accelerations),
+    and the size of their last digit."""
     match = cursor.match(
         rf"^\s*({WHOLE})\s+points of {kind} data equally spaced at\s+({NUMBER})\s+sec\W*?"
         r"(?:\(units:\s*([^)]*)\)|\bin\s+(\S+))[\s.]*(\(\s*\d+\s*f\d+\.\d+\s*\))?\W*$",
@@ -171,7 +158,7 @@ def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray
     agree_on_count(count, int(match[1]), f"line {at}")
     agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
-    shape = fortran(match[5], at) if match[5] else (8, 10, 1e-3)
-    unit = match[3] or match[4] or ""
-    data = _Description(unit_of(unit, at) if kind == "accel" else unit, *shape)
-    return cursor.fixed(count, data.columns, data.width, "samples"), data
+    columns, width, digit = fortran(match[5], at) if match[5] else (8, 10, 1e-3)
+    stated = match[3] or match[4] or ""
+    unit = unit_of(stated, at) if kind == "accel" else stated
+    return cursor.fixed(count, columns, width, "samples"), unit, digit

@@ -96,19 +96,13 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
 
     def run(args: tuple[Parameters, Array, Array, Array]) -> HalfPeriod:
         p, design, factors, turn = args
-        q = as_arrays(under(p, design, factors))
-        start = jnp.stack([turn[TILT], turn[SWING], jnp.zeros_like(turn[TILT]), turn[SWING_RATE]])
+        q, start = as_arrays(under(p, design, factors)), turn.at[TILT_RATE].set(0.0)
         times = 0.5 * q.period * jnp.linspace(0.0, 1.0, _SAMPLES + 1)
-
-        def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
-            """Return the vector field and the time at which the motion begins."""
-            q = as_arrays(under(p, x, factors))
-            return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
-
         # Design and phase enter through the vector field. Its tangents in their directions are computed once,
         # before the integration.
         directions = jnp.eye(8)[:, _DESIGN], jnp.eye(8)[:, _PHASE]
-        motion, motion_tangents = _with_tangents(motion_at, (design, turn[TILT_RATE]), directions)
+        motion_at, at = partial(_motion, model, p, factors), (design, turn[TILT_RATE])
+        motion, motion_tangents = _with_tangents(motion_at, at, directions)
 
         def rates(time: Any, z: Any, args: Any) -> Array:
             """Return the rates of the state and of its derivatives, shape (9, 4)."""
@@ -122,20 +116,8 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
 
         # The derivatives are integrated together with the state. `jax.jacfwd` of the solver returns the same
         # numbers, but traces the solver three more times, and every process has to trace.
-        solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(rates),
-            model.solver,
-            times[0],
-            times[-1],
-            1e-3 * q.period,
-            jnp.concatenate([start[None], jnp.eye(8, 4)]),
-            saveat=diffrax.SaveAt(ts=times),
-            stepsize_controller=_controller(model, _VALUE),
-            adjoint=diffrax.ForwardMode(),
-            max_steps=_STEPS,
-            throw=False,
-        )
-        zs: Array = solution.ys  # type: ignore[assignment]
+        first = jnp.concatenate([start[None], jnp.eye(8, 4)])
+        zs, done = _integrate(model, rates, q.period, first, _VALUE, diffrax.SaveAt(ts=times))
         directions = motion_tangents, jnp.moveaxis(zs[:, 1:], 1, 0)
         swing_at = partial(_largest_swing, times)
         swing, swing_slopes = _with_tangents(swing_at, (motion, zs[:, _VALUE]), directions)
@@ -146,7 +128,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             start=start,
             units=q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi]),
             felt=jnp.stack([jnp.ones_like(bob), bob, jnp.ones_like(bob), bob]),
-            done=solution.result == diffrax.RESULTS.successful,
+            done=done,
         )
 
     return run
@@ -176,15 +158,10 @@ def remaining(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Arra
 
     def run(args: tuple[Parameters, Array, Array, Array, Array]) -> Remaining:
         p, design, factors, turn, turn_slope = args
-
-        def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
-            q = as_arrays(under(p, x, factors))
-            return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
-
         # The turn moves along the branch of orbits as the design changes. Without it the derivative would be
         # that of a motion that is no orbit.
         at, along = (design, turn[TILT_RATE]), (jnp.eye(3), turn_slope[TILT_RATE])
-        motion, motion_tangents = _with_tangents(motion_at, at, along)
+        motion, motion_tangents = _with_tangents(partial(_motion, model, p, factors), at, along)
 
         def rates(time: Any, z: Any, args: Any) -> Array:
             """Return the rates of the state and four disturbances (5, 4), and of their derivatives along
@@ -202,25 +179,13 @@ def remaining(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Arra
             value, slopes = _with_tangents(rate, (motion, z[_VALUE]), (motion_tangents, z[1:]))
             return jnp.concatenate([value[None], slopes])
 
-        q = as_arrays(under(p, design, factors))
-        start = jnp.stack([turn[TILT], turn[SWING], jnp.zeros_like(turn[TILT]), turn[SWING_RATE]])
+        q, start = as_arrays(under(p, design, factors)), turn.at[TILT_RATE].set(0.0)
         # Four disturbances in the directions of the state give the matrix of the half-period map.
         # The third component of u is the phase, and phi' is zero at the turn of every design.
         first = jnp.concatenate([start[None], jnp.eye(4)])
         moved = jnp.zeros((3, 5, 4)).at[:, _VALUE].set(turn_slope.at[TILT_RATE].set(0.0).T)
-        solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(rates),
-            model.solver,
-            0.0 * q.period,
-            0.5 * q.period,
-            1e-3 * q.period,
-            jnp.concatenate([first[None], moved]),
-            stepsize_controller=_controller(model, (_VALUE, _VALUE)),
-            adjoint=diffrax.ForwardMode(),
-            max_steps=_STEPS,
-            throw=False,
-        )
-        (end,) = solution.ys  # type: ignore[misc]
+        first, place = jnp.concatenate([first[None], moved]), (_VALUE, _VALUE)
+        (end,), done = _integrate(model, rates, q.period, first, place, diffrax.SaveAt(t1=True))
 
         def after_turn(x: Array, u: Array) -> tuple[Array, Number]:
             q = as_arrays(under(p, x, factors))
@@ -228,7 +193,7 @@ def remaining(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Arra
 
         turned, turned_moved = _with_tangents(after_turn, (design, turn), (jnp.eye(3), turn_slope.T))
         value, slope = _with_tangents(_factor, (end[_VALUE, 1:], *turned), (end[1:, 1:], *turned_moved))
-        return Remaining(value, slope, solution.result == diffrax.RESULTS.successful)
+        return Remaining(value, slope, done)
 
     return run
 
@@ -240,9 +205,8 @@ def _after_turn(q: Parameters, turn: Float[Array, "4"]) -> Float[Array, "4 4"]:
     exact orbit is beyond the layer. Within the layer only the rates change, and a neighbour that is early by
     a time is early by the same time beyond it.
     """
-    linear, none = Linear(q), jnp.zeros_like(turn[TILT])
-    state = jnp.stack([turn[TILT], turn[SWING], none, turn[SWING_RATE]])
-    within, beyond = (linear.rates(state, 1.0, drag, jnp.sin(turn[TILT_RATE])) for drag in (0.0, -1.0))
+    linear, state, sine = Linear(q), turn.at[TILT_RATE].set(0.0), jnp.sin(turn[TILT_RATE])
+    within, beyond = (linear.rates(state, 1.0, drag, sine) for drag in (0.0, -1.0))
     return jnp.eye(4) + jnp.outer((beyond - within) / within[TILT_RATE], jnp.eye(4)[TILT_RATE])
 
 
@@ -258,12 +222,38 @@ def _factor(tangents: Float[Array, "4 4"], after_turn: Float[Array, "4 4"], xi: 
     return after_two**0.125 * after_four**0.0625
 
 
-def _controller(model: Smoothed, state: Any) -> diffrax.PIDController:
-    """Return a control of the step size by the error of the state alone, at its place in the array. The
-    tangents do not change the steps."""
-    return diffrax.PIDController(
-        rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[state] ** 2))
+def _motion(
+    model: Smoothed, p: Parameters, factors: Array, design: Array, phase: Array
+) -> tuple[Field, Array]:
+    """Return the vector field of a design and the time at which the motion begins."""
+    q = as_arrays(under(p, design, factors))
+    return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
+
+
+def _integrate(
+    model: Smoothed, rates: Callable[..., Array], period: Number, first: Array, state: Any, saveat: Any
+) -> tuple[Any, Array]:
+    """Integrate over half a period. Return what `saveat` requests, and whether the steps were enough.
+
+    The error of the state alone, at its place in the array, controls the steps. The tangents do not change
+    them.
+    """
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rates),
+        model.solver,
+        0.0 * period,
+        0.5 * period,
+        1e-3 * period,
+        first,
+        saveat=saveat,
+        stepsize_controller=diffrax.PIDController(
+            rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[state] ** 2))
+        ),
+        adjoint=diffrax.ForwardMode(),
+        max_steps=_STEPS,
+        throw=False,
     )
+    return solution.ys, solution.result == diffrax.RESULTS.successful
 
 
 def _with_tangents(function: Callable[..., Any], at: Any, directions: Any) -> tuple[Any, Any]:

@@ -34,9 +34,13 @@ class Compiled(Model):
     """
 
     max_periods: eqx.AbstractVar[int]
-    max_events: eqx.AbstractVar[int]
     tolerance: eqx.AbstractVar[float]
     rest_rate: eqx.AbstractVar[float]
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of steps and events in one forcing period."""
+    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
+    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
+    not repeat."""
     equations: ClassVar[Terms]
     most_periods: ClassVar[int] = COMPILED_PERIODS
 
@@ -101,15 +105,10 @@ class Piecewise(Compiled):
 
     max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, COMPILED_PERIODS)
     """Largest number of forcing periods to follow while the motion does not repeat."""
-    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
-    """Largest number of steps and events in one forcing period."""
     tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
     """Repetition error, relative to the scale of the state, at which Newton's method takes over."""
     rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
     """Rate (phi' in units of nu) below which an impact can end in rest."""
-    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
-    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
-    not repeat."""
 
     equations: ClassVar[Terms] = Terms.linear
 
@@ -142,15 +141,10 @@ class Nonlinear(Compiled):
     """Relative tolerance of a step."""
     max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, COMPILED_PERIODS)
     """Largest number of forcing periods to follow while the motion does not repeat."""
-    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
-    """Largest number of events in one forcing period."""
     tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-9)
     """Repetition error, relative to the scale of the state, below which a motion is settled."""
     rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
     """Rate (phi' in units of nu) below which an impact ends in rest if the block can remain at rest after it.
     The error is of the order of its square."""
-    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
-    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
-    not repeat."""
 
     equations: ClassVar[Terms] = Terms.nonlinear

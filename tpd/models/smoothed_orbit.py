@@ -27,7 +27,7 @@ from tpd.compiled.columns import (
     TILT,
     WIDTH,
     is_neutral,
-    verdict_with,
+    verdict,
 )
 from tpd.compiled.simulate import Run, SteadyNumbers
 from tpd.models.base import scale_of
@@ -41,7 +41,6 @@ LONGEST = 8
 """Longest period, in forcing periods, that is recognised as a repetition."""
 _EXACT = 1e-3
 """Largest change in a period for which its decay does not matter, as a share of the tolerance."""
-_verdict = verdict_with(jnp.where)
 
 Sizes = Float[Array, "2"]
 """Largest |phi| and |psi|, rad."""
@@ -310,7 +309,7 @@ def _evaluate(p: Parameters, model: Any, reached: Run) -> tuple[SteadyNumbers, A
     small = orbit.sizes[TILT] < model.resolution(p)
     rest = neutral, small, p.zeta > 0.0, jnp.all(jnp.isfinite(orbit.y))
     # No event of a smoothed motion grazes.
-    status = _verdict(code, orbit.residual, multiplier, to_fold, jnp.inf, *rest)
+    status = verdict(code, orbit.residual, multiplier, to_fold, jnp.inf, *rest)
     sizes, slopes = _sizes_of(p, reached, orbit, status, multiplier)
     periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods.astype(float) * p.period), jnp.nan)

@@ -153,16 +153,10 @@ class Conditions:
         # The second set varies fastest, as in the factors.
         which = None if self.which is None else np.repeat(self.which, m)
         which = which if other.which is None else np.tile(other.which, n)
-        return Conditions(
-            factors,
-            (*self.description, *other.description),
-            {**self.units, **other.units},
-            self.motions or other.motions,
-            which,
-            self.intensity if self.motions else other.intensity,
-            self.scales or other.scales,
-            self.hazard or other.hazard,
-        )
+        # Motions, their scales and the hazard belong together.
+        base, phrases = (self if self.motions else other), (*self.description, *other.description)
+        units = {**self.units, **other.units}
+        return replace(base, factors=factors, which=which, description=phrases, units=units)
 
     def column(self, name: str) -> np.ndarray:
         """Return the factors on one of `tpd.scene.conditions.FACTORS`, shape (n,)."""

@@ -110,7 +110,9 @@ class Parameters:
             checks.within("rho", self.rho, 1e-6, 1.0, every=True)
         # Housner's coefficient falls with the mass of the bob, and must remain positive.
         if self.e is None:
-            _check_heaviest(self.nu, self.inertia_ratio, self.mu)
+            # A heavier bob would throw the block back on the corner from which it comes.
+            most = "the heaviest bob with Housner's restitution (a heavier one throws the block back)"
+            checks.at_most("mu", self.mu, heaviest_of_housner(self.nu, self.inertia_ratio), most)
         else:
             checks.within("e", self.e, 0.0, 1.0, every=True)
 
@@ -152,21 +154,6 @@ def uniform_inertia_ratio(nu: Any) -> Any:
     return 0.75 / (1.0 + nu**2)
 
 
-def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
-    """Raise `ValueError` if Housner's coefficient of restitution is negative, because the bob is too heavy.
-
-    An impact with such a bob would throw the block back on the corner from which it comes.
-    """
-    if all(map(checks.is_concrete, (nu, rho, mu))):
-        bobs, most = np.broadcast_arrays(mu, heaviest_of_housner(nu, rho))
-        i = np.argmax(bobs - most)
-        if bobs.flat[i] > most.flat[i]:
-            raise ValueError(
-                f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob would "
-                f"throw the block back at an impact), but is {bobs.flat[i]:g}"
-            )
-
-
 def from_row(x: Any) -> Parameters:
     """Return the parameters from a row, whose entries may be numbers, arrays or traced values."""
     return Parameters(**dict(zip(NAMES, x, strict=True)))
@@ -180,14 +167,14 @@ def check_parameters(p: object) -> None:
         checks.instance("p", p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
 
 
-def unchecked(p: Parameters, **changed: Any) -> Parameters:
-    """Return the parameters with some of them replaced, without checks.
+def unchecked(p: Parameters | None, **changed: Any) -> Parameters:
+    """Return the parameters with some of them replaced (all of them if `p` is None), without checks.
 
     The new values may be traced, or numbers with imaginary parts.
     """
     # `__new__` without `__init__` skips the checks, which would reject such values.
     parameters = object.__new__(Parameters)
-    vars(parameters).update(vars(p), **changed)
+    vars(parameters).update({} if p is None else vars(p), **changed)
     return parameters
 
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.impacts import housner
-from tpd.scene.parameters import NAMES, Parameters, unchecked, uniform_inertia_ratio
+from tpd.scene.parameters import NAMES, Parameters, unchecked
 from tpd.scene.scene import (
     Harmonic,
     Pendulum,
@@ -136,15 +135,6 @@ class Setup:
         changed = self.vector({name: complex(self.values.get(name, 1.0), _TINY)})
         return tuple(n for n, x in zip(NAMES, changed, strict=True) if abs(np.imag(x)) > 1e-12 * _TINY)
 
-    def check(self, argument: str, name: str, *values: float) -> None:
-        """Raise `ValueError` unless `name`, the value of `argument`, can be varied and can have these
-        values."""
-        self.check_name(argument, name)
-        for value in map(float, values):
-            self.check_sign(name, value)
-            self.at({name: value})
-        self.check_plausible(name, np.array(values, dtype=float))
-
     def check_plausible(self, name: str, values: np.ndarray) -> None:
         """Raise `ValueError` for values of a quantity of a scene that are plausible only in another unit."""
         if not (self.scene and np.size(values)):
@@ -206,11 +196,7 @@ class Setup:
 
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
         """Return the numbers of `at` as a list in the order of NAMES, with rho and e as numbers."""
-        p = self.numbers(varied)
-        rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
-        e = housner(p["nu"], rho, p["mu"]) if p["e"] is None else p["e"]
-        full = {**p, "rho": rho, "e": e}
-        return [full[n] for n in NAMES]
+        return list(unchecked(None, **{"rho": None, **self.numbers(varied)}).numbers)
 
 
 @dataclass(frozen=True)
@@ -227,7 +213,7 @@ class Axis:
         """Return the axis of `name` through parameters or a scene; raise `ValueError` if `name` cannot be
         varied."""
         setup, name = Setup.of(subject, pendulum), named(name)
-        setup.check("name", name)
+        setup.check_name("name", name)
         # A parameter varies while the other parameters are fixed, so the scene is replaced by its
         # parameters.
         if setup.scene and name in NAMES:
@@ -242,7 +228,10 @@ class Axis:
 
     def check(self, *values: float) -> None:
         """Raise `ValueError` unless all values are in range."""
-        self.setup.check("name", self.name, *values)
+        for value in map(float, values):
+            self.setup.check_sign(self.name, value)
+            self.setup.at({self.name: value})
+        self.setup.check_plausible(self.name, np.array(values, dtype=float))
 
     def at(self, values: np.ndarray) -> np.ndarray:
         """Return the parameters at values of shape (n,), in the order of NAMES, shape (n, 10)."""

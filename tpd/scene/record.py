@@ -78,11 +78,8 @@ class Record(GroundMotion):
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.quote(self.notes)}")
         # A record in cm/s^2 is a hundred times too large, and would pass all other checks.
-        is_concrete = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
-        if is_concrete and float(self.pga) > GREATEST_PEAK:
-            allowed = f"at most {GREATEST_PEAK:g} m/s^2 at its peak"
-            actual = f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
-            raise ValueError(f"`acceleration` must be {allowed}, but is {actual}")
+        most = "the largest plausible peak in m/s^2 (a larger one is in cm/s^2)"
+        checks.at_most("acceleration", self.pga, GREATEST_PEAK, most)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

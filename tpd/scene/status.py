@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -123,20 +122,9 @@ def code_of(status: Any) -> Any:
     return codes[0] if len(codes) == 1 else np.array(codes)
 
 
-def index_of(name: str) -> int:
-    """Return the number of the status with this name."""
-    return Status.__names__.index(name)
-
-
 def status_of(codes: Any) -> Status:
     """Return the batch of statuses from an array of numbers, traced or not."""
     return jax.tree.unflatten(jax.tree.structure(Status.rest), [codes])
-
-
-def codes_of(names: Sequence[str]) -> np.ndarray:
-    """Return the numbers of the statuses with these names, for example those of compiled code in their
-    order."""
-    return np.array([index_of(name) for name in names], dtype=np.int32)
 
 
 def is_one_of(status: Any, *members: Status) -> Any:

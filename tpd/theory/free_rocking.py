@@ -45,21 +45,12 @@ class Free(NamedTuple):
     times). If not, the two angles solve the equations but belong to no motion."""
 
 
-class _Modes(NamedTuple):
-    """Rates of the two modes, and their parts w_j of the static angles."""
+def _modes(p: Parameters) -> tuple[Number, Number, tuple[Number, Number], tuple[Number, Number]]:
+    """Return the rate s of the mode in which the block tilts further, the frequency of the mode in which the
+    bob swings, and the parts w_j of both in the static angles of block and bob.
 
-    falling: Number
-    """Rate s of the mode in which the block tilts further."""
-    swinging: Number
-    """Frequency of the mode in which the bob swings."""
-    tilts: tuple[Number, Number]
-    """Parts of the static tilt."""
-    bobs: tuple[Number, Number]
-    """Parts of the static bob angle."""
-
-
-def _modes(p: Parameters) -> _Modes:
-    """Compute the modes from a4 x^2 + a2 x + a0 = det(M x + K) with x = s^2, by partial fractions."""
+    They follow from a4 x^2 + a2 x + a0 = det(M x + K) with x = s^2, by partial fractions.
+    """
     linear = Linear(p)
     a4, a2, a0 = linear.determinant, linear.m11 - linear.tilt * linear.m22, -linear.tilt
     # The usual formula subtracts nearly equal numbers for one of the two roots. This root follows from the
@@ -74,7 +65,7 @@ def _modes(p: Parameters) -> _Modes:
 
     # The parts of the bob angle are equal and opposite, because its static angle is zero.
     swing = -linear.m21 * linear.weight / apart
-    return _Modes(jnp.sqrt(up), jnp.sqrt(-down), (tilt(up, 1.0), tilt(down, -1.0)), (swing, -swing))
+    return jnp.sqrt(up), jnp.sqrt(-down), (tilt(up, 1.0), tilt(down, -1.0)), (swing, -swing)
 
 
 def free_motion(p: Parameters) -> Free:
@@ -98,17 +89,15 @@ def free_motion(p: Parameters) -> Free:
         0.049
     """
     check_parameters(p)
-    modes = _modes(p)
-    quarter = 0.5 * jnp.pi / p.xi
+    falling, swinging, tilts, bobs = _modes(p)
     shares = jnp.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
-    falling, swinging, late = (jnp.asarray(x)[..., None] for x in (modes.falling, modes.swinging, quarter))
+    falling, swinging, late = (jnp.asarray(x)[..., None] for x in (falling, swinging, 0.5 * jnp.pi / p.xi))
     # Both modes vanish at the crossing and have no rate at the turn.
     fall = 1.0 - jnp.cosh(falling * late * shares) / jnp.cosh(falling * late)
     swing = 1.0 - jnp.cos(swinging * late * shares) / jnp.cos(swinging * late)
     # The last axis of the shape (..., times) is time within the quarter period.
     phi, psi = (
-        jnp.asarray(a)[..., None] * fall + jnp.asarray(b)[..., None] * swing
-        for a, b in (modes.tilts, modes.bobs)
+        jnp.asarray(a)[..., None] * fall + jnp.asarray(b)[..., None] * swing for a, b in (tilts, bobs)
     )
     turn = phi[..., :1]
     # The paper assumes that the block stands on one corner from the turn to the crossing. A bob that swings
@@ -156,12 +145,8 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this amplitude the weight would do negative work on the way down, and k would be negative.
-    if all(map(checks.is_concrete, (amplitude, twice, tilt))):
-        phi, most = np.broadcast_arrays(amplitude, np.asarray(twice) / np.asarray(tilt))
-        i = np.unravel_index(np.argmax(phi - most), phi.shape)
-        if phi[i] > most[i]:
-            why = "twice the tilt at which the block topples of itself"
-            raise ValueError(f"`amplitude` must be at most {most[i]:g}, {why}, but is {phi[i]:g}")
+    most = "twice the tilt at which the block topples of itself"
+    checks.at_most("amplitude", amplitude, twice / tilt, most)
     loss = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio, p.kappa) ** 2
     return loss * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
