@@ -339,7 +339,7 @@ class GroundMotionProblem(Problem):
             return {}
         level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self.edges
         ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
-        ends = (pair_of(*edges[[i[0], i[-1] + 1]].tolist(), 3) for i in ranges)
+        ends = (pair_of(edges[i[0]], edges[i[-1] + 1], 3) for i in ranges)
         return {" to ".join(pair): np.isin(level, i) for pair, i in zip(ends, ranges, strict=True)}
 
     def annual_rates(self, cases: Sequence[Runs], counted: np.ndarray | None = None) -> AnnualRates | None:
