@@ -39,9 +39,8 @@ def sections(
         details: further results that the report shows, from `tpd.details`.
         picture: function that returns a list with the figure of a file, or an empty list.
     """
-    runs = over_runs(design)
     return {
-        "Validation runs": runs,
+        "Validation runs": over_runs(design),
         "Depends on": depends_on(design, details),
         "What limits the design": limiting(design, details.build),
         "Nearby frequencies": [*picture("response.svg")],
