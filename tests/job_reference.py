@@ -54,8 +54,10 @@ NOTES = {
 
 def default_of(key: Key) -> str:
     """Default of a key as in a file, with the kinds of excitation for which it is different."""
-    values = [(value, f" ({kind})") for kind, value in key.defaults.items()]
-    values = [(key.default, ""), *values] if key.default is not None else values
+    values = [(value, f" ({kind})" * (key.kinds != (kind,))) for kind, value in key.defaults.items()]
+    # A key of one kind of excitation has one default.
+    if key.default is not None and (not key.kinds or key.defaults.keys() != set(key.kinds)):
+        values.insert(0, (key.default, ""))
     return ", ".join(f"{json.dumps(value)}{kind}" for value, kind in values)
 
 

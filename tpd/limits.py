@@ -86,12 +86,10 @@ class Requirements:
     a hazard and at least two levels). Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
-    """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial
-    state."""
+    """Largest relative increase of the mean tilt under any one condition, or in any one group of motions."""
     wall_contacts: checks.Real | None = None
-    """Largest share of the surviving runs in which the bob may touch a wall, during the transient or settled
-    (default 0.01). Under ground motions: largest share of the surviving runs that may exceed any limit
-    (default 0.1)."""
+    """Largest share of the surviving runs that may exceed a limit, which includes wall contact: by default
+    0.01, and 0.1 under ground motions."""
 
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"

@@ -68,7 +68,7 @@ def test_the_page_of_a_design_begins_with_its_pendulum_and_runs():
     assert pendulum is not None
     sizes = float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio)
     assert tuple(values(out).values())[:3] == sizes
-    assert out["verdict"] == design.status.value
+    assert out["verdict"] == design.verdict
     assert tuple(out["recommended"].values()) == sizes
     runs = out["runs"][-1]
     overturned, mean, verdict = runs["rows"]

@@ -89,7 +89,7 @@ def content(subject: Subject) -> dict[str, Any]:
     if isinstance(subject, Design):
         problem, names = subject.problem, ("pendulum", "validated", "equivalent")
         shown = {n: getattr(subject, n) for n in names} | {"levels": shares_at_levels(subject)}
-        answer = json_of(shown | {"verdict": subject.status.value})
+        answer = json_of(shown | {"verdict": subject.verdict})
     else:
         problem = problem_of(subject.job if isinstance(subject, StoredDesign) else subject)
     start, stated = _first_pendulum(problem, answer), answer.get("pendulum")
