@@ -337,7 +337,7 @@ class GroundMotionProblem(Problem):
         """See `Problem.level_ranges`."""
         if self._count == 1:
             return {}
-        level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self.edges
+        level, edges = np.tile(np.arange(LEVELS), self.limit_runs // LEVELS), self.edges.tolist()
         ranges = np.array_split(np.arange(LEVELS), min(LEVELS, most))
         ends = (pair_of(edges[i[0]], edges[i[-1] + 1], 3) for i in ranges)
         return {" to ".join(pair): np.isin(level, i) for pair, i in zip(ends, ranges, strict=True)}
