@@ -103,7 +103,7 @@ def stable_step(solver: diffrax.AbstractSolver, steps: int = 2000) -> tuple[floa
 
 def run(quick: bool) -> list[dict[str, Any]]:
     """Return errors over the widths, and largest stable steps."""
-    solve = solver_of(lambda shares: Widths(shares=shares), 8)
+    solve = solver_of(lambda shares: Widths(shares=shares))
     cases, widths = (WITH[:1], WIDTHS[:5:2]) if quick else (WITH, WIDTHS)
     of = [(e, "both signs") for e in RATIOS] + [(1.0, way) for way in list(WAYS)[1:]]
     rows = [_row(solve, c, e, way, w) for e, way in of for w in widths for c in cases]
