@@ -22,7 +22,8 @@ LIMESTONE = {
 }
 """Trials and mean velocity ratio e, by height over width."""
 LEVELS = 0.25, 3.0
-"""Ends of the levels, p PGV/(g tan α). A sudden push overturns a block at rest from 1 on, whatever its size and shape."""
+"""Ends of the levels, p PGV/(g tan α). A sudden push overturns a block at rest from 1 on, whatever its size
+and shape."""
 BLOCKS = {"statue": (0.45, 1.8, 390.0), "column": (0.7, 4.0, 2210.0), "chimney": (1.3, 10.0, 16280.0)}
 """Width and height in m, and mass in kg."""
 
