@@ -173,9 +173,8 @@ class Corrections:
         units = orbits.space.scaled(self._search.screened)
         others = best_apart(units, merit_of(orbits.at(units), orbits.risk.of), _CONTINUATIONS)
         x = np.concatenate([x[:_CONTINUATIONS], units[others]])
-        # The limits have moved only a little, so steps on exact orbits suffice. With 20 steps the designs of
-        # a wide space are worse, and with 80 they are not better.
-        ends = polish(orbits, x, orbits.at(x), 2 * self.method.steps)
+        # The limits have moved only a little, so the last steps on exact orbits suffice.
+        ends = polish(orbits, x, orbits.at(x), self.method.steps + self.method.polish)
         return ends.x[np.argsort(ends.merit, kind="stable")]
 
     def learn(self, design: np.ndarray, runs: Runs) -> None:
