@@ -19,6 +19,8 @@ WIDTH = 100
 HEAD = """\
 # Public names
 
+*For users of Python: after this page you can call every public name, and know what it returns.*
+
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
 Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
 `Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers can be

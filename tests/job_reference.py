@@ -16,6 +16,8 @@ PAGE = Path(__file__).parents[1] / "notebooks" / "guide" / "job_file.md"
 HEAD = """\
 # Job file
 
+*For engineers: after this page you can state every key of a job file.*
+
 This page lists all keys of a job file, as `python -m tests.job_reference` writes them. `tpd new chimney`
 writes a job file with comments, and the [tutorial](tutorial.md) shows how to use it.
 
